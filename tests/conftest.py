@@ -1,0 +1,69 @@
+"""Settings and fixtures of the whole suite: strict JAX, two CPU devices, MuJoCo as the oracle."""
+
+import os
+
+os.environ.setdefault("JAX_PLATFORMS", "cpu")
+
+import jax
+
+# Broadcasting between arrays of different rank is nearly always a mistake in code without batch axes.
+jax.config.update("jax_numpy_rank_promotion", "raise")
+# Two devices even on one core, so that whatever shards a batch is really tested.
+jax.config.update("jax_num_cpu_devices", 2)
+
+from importlib import resources
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, settings
+
+# Compilation makes the first example slow, so a deadline says nothing; examples are reproducible.
+settings.register_profile(
+    "jaxsim",
+    deadline=None,
+    max_examples=30,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
+)
+settings.load_profile("jaxsim")
+
+ASSETS = resources.files("jaxsim") / "assets"
+
+
+@pytest.fixture
+def x64():
+    """Float64 for the test that asks for it."""
+    with jax.enable_x64(True):
+        yield
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    """A generator with a fixed seed."""
+    return np.random.default_rng(0)
+
+
+@pytest.fixture
+def key() -> jax.Array:
+    """A random key with a fixed seed."""
+    return jax.random.key(0)
+
+
+@pytest.fixture
+def bundled():
+    """Function from the name of a bundled model to its MjModel."""
+    return lambda name: mujoco.MjModel.from_xml_path(str(ASSETS / f"{name}.xml"))
+
+
+@pytest.fixture
+def oracle():
+    """Function from MJCF text to (MjModel, MjData after mj_forward)."""
+
+    def build(xml: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
+        model = mujoco.MjModel.from_xml_string(xml)
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        return model, data
+
+    return build
