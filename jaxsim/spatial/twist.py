@@ -1,0 +1,104 @@
+"""Twists and wrenches: how they change frame, differentiate, and pair to power.
+
+A twist ``V = (omega, v)`` is the velocity of a body; a wrench ``F = (torque, force)`` is what
+acts on it. Both refer to a frame: ``v`` is the velocity of the point of the body that is at
+the frame's origin, and the torque is taken about that origin. The *body* twist of B refers to
+B itself, the *spatial* twist to the frame in which B moves.
+
+Example: a body turns at 1 rad/s about z while its origin moves at 0.5 m/s along the world's x.
+It is at (2, 0, 0), turned by a quarter of a turn about z. In its own axes it moves along -y:
+
+>>> import jax.numpy as jnp
+>>> from jaxsim.spatial import Pose, adjoint, quat_from_axis_angle
+>>> quarter = quat_from_axis_angle(jnp.array([0.0, 0.0, 1.0]), jnp.asarray(jnp.pi / 2))
+>>> X_WB = Pose(quat=quarter, pos=jnp.array([2.0, 0.0, 0.0]))
+>>> V_body = jnp.array([0.0, 0.0, 1.0, 0.0, -0.5, 0.0])
+>>> V_spatial = adjoint(X_WB) @ V_body
+>>> [round(float(x), 4) + 0.0 for x in V_spatial]
+[0.0, 0.0, 1.0, 0.5, -2.0, 0.0]
+
+The body's point at the world's origin moves at ``0.5 x - omega x (2 x) = 0.5 x - 2 y``.
+"""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxsim.spatial.pose import Pose
+from jaxsim.spatial.quaternion import quat_inv_rotate, quat_rotate, quat_to_matrix
+from jaxsim.spatial.so3 import skew
+
+
+def adjoint(X: Pose) -> Float[Array, "6 6"]:
+    """Ad of a pose, ``[[R, 0], [p x R, R]]``: twists from B to A, ``V_A = adjoint(X_AB) V_B``."""
+    R = quat_to_matrix(X.quat)
+    return _blocks(R, jnp.zeros_like(R), skew(X.pos) @ R, R)
+
+
+def coadjoint(X: Pose) -> Float[Array, "6 6"]:
+    """Inverse transpose of Ad, ``[[R, p x R], [0, R]]``: wrenches from B to A.
+
+    ``F_A = coadjoint(X_AB) F_B`` keeps the power: ``V_A . F_A = V_B . F_B``.
+    """
+    R = quat_to_matrix(X.quat)
+    return _blocks(R, skew(X.pos) @ R, jnp.zeros_like(R), R)
+
+
+def ad(V: Float[Array, "6"]) -> Float[Array, "6 6"]:
+    """ad of a twist, ``[[omega x, 0], [v x, omega x]]``: the derivative of Ad at the identity."""
+    w, v = skew(V[:3]), skew(V[3:])
+    return _blocks(w, jnp.zeros_like(w), v, w)
+
+
+def spatial_twist(X: Pose, V_body: Float[Array, "6"]) -> Float[Array, "6"]:
+    """Twist in frame A from the twist in frame B: ``adjoint(X_AB) @ V_body`` without the matrix."""
+    w, v = quat_rotate(X.quat, V_body[:3]), quat_rotate(X.quat, V_body[3:])
+    return jnp.concatenate([w, v + jnp.cross(X.pos, w)])
+
+
+def body_twist(X: Pose, V_spatial: Float[Array, "6"]) -> Float[Array, "6"]:
+    """Twist in frame B from the twist in frame A; inverts :func:`spatial_twist`."""
+    w, v = V_spatial[:3], V_spatial[3:]
+    at_origin = v + jnp.cross(w, X.pos)
+    return jnp.concatenate([quat_inv_rotate(X.quat, w), quat_inv_rotate(X.quat, at_origin)])
+
+
+def spatial_wrench(X: Pose, F_body: Float[Array, "6"]) -> Float[Array, "6"]:
+    """Wrench in frame A from the wrench in frame B: ``coadjoint(X_AB) @ F_body``."""
+    torque, force = quat_rotate(X.quat, F_body[:3]), quat_rotate(X.quat, F_body[3:])
+    return jnp.concatenate([torque + jnp.cross(X.pos, force), force])
+
+
+def body_wrench(X: Pose, F_spatial: Float[Array, "6"]) -> Float[Array, "6"]:
+    """Wrench in frame B from the wrench in frame A; inverts :func:`spatial_wrench`."""
+    torque, force = F_spatial[:3], F_spatial[3:]
+    at_origin = torque - jnp.cross(X.pos, force)
+    return jnp.concatenate([quat_inv_rotate(X.quat, at_origin), quat_inv_rotate(X.quat, force)])
+
+
+def cross_motion(V: Float[Array, "6"], W: Float[Array, "6"]) -> Float[Array, "6"]:
+    """``ad(V) @ W``: rate of a twist ``W`` that is carried along by ``V``.
+
+    Featherstone's ``V x W`` (Rigid Body Dynamics Algorithms, eq. 2.31).
+    """
+    w, v = V[:3], V[3:]
+    return jnp.concatenate([jnp.cross(w, W[:3]), jnp.cross(v, W[:3]) + jnp.cross(w, W[3:])])
+
+
+def cross_force(V: Float[Array, "6"], F: Float[Array, "6"]) -> Float[Array, "6"]:
+    """``-ad(V).T @ F``: rate of a wrench or momentum ``F`` that is carried along by ``V``.
+
+    Featherstone's ``V x* F`` (Rigid Body Dynamics Algorithms, eq. 2.32).
+    """
+    w, v = V[:3], V[3:]
+    return jnp.concatenate([jnp.cross(w, F[:3]) + jnp.cross(v, F[3:]), jnp.cross(w, F[3:])])
+
+
+def power(V: Float[Array, "6"], F: Float[Array, "6"]) -> Float[Array, ""]:
+    """Power in watts of a wrench on a body with a twist, both in one frame: ``V . F``."""
+    return V @ F
+
+
+def _blocks(top_left, top_right, bottom_left, bottom_right):
+    """A 6x6 matrix from four 3x3 blocks."""
+    top = jnp.concatenate([top_left, top_right], axis=1)
+    return jnp.concatenate([top, jnp.concatenate([bottom_left, bottom_right], axis=1)])
