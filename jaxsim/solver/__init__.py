@@ -1,0 +1,30 @@
+"""Convex constraint solver: cost kinds, Newton's method, implicit derivatives. No robots here."""
+
+from jaxsim.solver.dense import DenseOperator
+from jaxsim.solver.elliptic_cone import EllipticCone
+from jaxsim.solver.huber import Huber
+from jaxsim.solver.implicit import attach
+from jaxsim.solver.newton import Solution, SolverStatus, solve
+from jaxsim.solver.operator import Operator
+from jaxsim.solver.pcg import hessian_product, pcg, pcg_solve
+from jaxsim.solver.problem import Kind, Problem
+from jaxsim.solver.quadratic import Quadratic
+from jaxsim.solver.unilateral import Unilateral
+
+__all__ = [
+    "DenseOperator",
+    "EllipticCone",
+    "Huber",
+    "Kind",
+    "Operator",
+    "Problem",
+    "Quadratic",
+    "Solution",
+    "SolverStatus",
+    "Unilateral",
+    "attach",
+    "hessian_product",
+    "pcg",
+    "pcg_solve",
+    "solve",
+]

@@ -1,0 +1,141 @@
+"""Contacts with elliptic friction cones.
+
+A contact has d rows: the normal, then d - 1 directions of friction (two of sliding, one of
+spinning, two of rolling). With the scaled length of the friction residual
+
+    T = |friction * r[1:]|
+
+the cost of one contact has three zones (Todorov 2014; MuJoCo documentation, "Computation"):
+
+    top      r0 >= T             0
+    bottom   mu^2 r0 + T <= 0    1/2 sum(D r^2)
+    middle   otherwise           1/2 D0 / (1 + mu^2) (r0 - T)^2
+
+It is continuously differentiable when `D[j] = D[0] friction[j]^2 / mu^2`, which is how MuJoCo
+chooses the regularisation of the friction rows. MuJoCo writes the zones with `N = mu r0`; dividing
+by mu, as here, gives the same numbers and leaves nothing singular at mu = 0.
+"""
+
+import jax
+import jax.numpy as jnp
+from flax import struct
+from jaxtyping import Array, Bool, Float
+
+
+@struct.dataclass
+class EllipticCone:
+    """Cost of n contacts of one dimension d in {3, 4, 6}.
+
+    Attributes:
+        aref: Reference acceleration; the residual is `r = J x - aref`. Normal first.
+        D: Inverse regularisation `1 / R >= 0`. A contact with `D = 0` contributes nothing.
+        mu: Friction of the regularised cone, `friction[0] / sqrt(impratio)` in MuJoCo, `>= 0`.
+        friction: Friction coefficients of the rows 1 to d - 1, `>= 0`.
+    """
+
+    aref: Float[Array, "n d"]
+    D: Float[Array, "n d"]
+    mu: Float[Array, "n"]
+    friction: Float[Array, "n d-1"]
+
+    def cost(self, r: Float[Array, "n d"]) -> Float[Array, ""]:
+        """Total cost of the contacts at the residual r."""
+        return jnp.sum(self._map(_cost, r))
+
+    def force(self, r: Float[Array, "n d"]) -> Float[Array, "n d"]:
+        """Force `-ds/dr` of every contact, inside its friction cone."""
+        return self._map(_force, r)
+
+    def curvature(self, r: Float[Array, "n d"]) -> Float[Array, "n d d"]:
+        """Hessian of the cost of every contact, positive semidefinite."""
+        return self._map(_curvature, r)
+
+    def slopes(
+        self, r: Float[Array, "n d"], v: Float[Array, "n d"]
+    ) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """First and second derivative of the cost at r along v."""
+        first, second = self._map(_slopes, r, v)
+        return jnp.sum(first), jnp.sum(second)
+
+    def change(self, r: Float[Array, "n d"], step: Float[Array, "n d"]) -> Float[Array, ""]:
+        """`cost(r + step) - cost(r)` without the cancellation of that difference."""
+        return jnp.sum(self._map(_change, r, step))
+
+    def _map(self, function, *rows):
+        return jax.vmap(function)(self.D, self.mu, self.friction, *rows)
+
+
+def _tangent(friction: Float[Array, "d-1"], r: Float[Array, "d"]):
+    """Length T and its gradient with respect to r[1:], zero where T is zero."""
+    scaled = friction * r[1:]
+    square = jnp.sum(scaled * scaled)
+    safe = jnp.sqrt(jnp.where(square > 0, square, 1.0))
+    length = jnp.where(square > 0, safe, 0.0)
+    return length, safe, friction * scaled / safe
+
+
+def _zones(
+    mu: Float[Array, ""], normal: Float[Array, ""], length: Float[Array, ""]
+) -> tuple[Bool[Array, ""], Bool[Array, ""]]:
+    """Whether the contact is in the bottom and in the middle zone."""
+    top = normal >= length
+    bottom = ~top & (mu * mu * normal + length <= 0)
+    return bottom, ~top & ~bottom
+
+
+def _select(zones, bottom, middle):
+    in_bottom, in_middle = zones
+    return jnp.where(in_bottom, bottom, jnp.where(in_middle, middle, 0.0))
+
+
+def _cost(D, mu, friction, r):
+    length, _, _ = _tangent(friction, r)
+    gap = r[0] - length
+    middle = 0.5 * D[0] / (1 + mu * mu) * gap * gap
+    return _select(_zones(mu, r[0], length), 0.5 * jnp.sum(D * r * r), middle)
+
+
+def _force(D, mu, friction, r):
+    length, _, gradient = _tangent(friction, r)
+    pressure = D[0] / (1 + mu * mu) * (length - r[0])
+    middle = pressure * jnp.concatenate([jnp.ones_like(r[:1]), -gradient])
+    return _select(_zones(mu, r[0], length), -D * r, middle)
+
+
+def _curvature(D, mu, friction, r):
+    length, safe, gradient = _tangent(friction, r)
+    normal = jnp.concatenate([jnp.ones_like(r[:1]), -gradient])
+    bend = (jnp.diag(friction * friction) - jnp.outer(gradient, gradient)) / safe
+    middle = jnp.outer(normal, normal) + (length - r[0]) * jnp.pad(bend, ((1, 0), (1, 0)))
+    middle = D[0] / (1 + mu * mu) * middle
+    return _select(_zones(mu, r[0], length), jnp.diag(D), middle)
+
+
+def _slopes(D, mu, friction, r, v):
+    length, safe, gradient = _tangent(friction, r)
+    scaled = friction * v[1:]
+    rate = gradient @ v[1:]
+    # Cauchy-Schwarz makes this difference positive; rounding may not.
+    bend = jnp.maximum(jnp.sum(scaled * scaled) - rate * rate, 0.0) / safe
+    stiffness, gap, speed = D[0] / (1 + mu * mu), r[0] - length, v[0] - rate
+    zones = _zones(mu, r[0], length)
+    first = _select(zones, jnp.sum(D * r * v), stiffness * gap * speed)
+    second = _select(zones, jnp.sum(D * v * v), stiffness * (speed * speed - gap * bend))
+    return first, second
+
+
+def _change(D, mu, friction, r, step):
+    end = r + step
+    before, after = _tangent(friction, r)[0], _tangent(friction, end)[0]
+    (bottom0, middle0), (bottom1, middle1) = _zones(mu, r[0], before), _zones(mu, end[0], after)
+    bottom = jnp.sum(D * step * (r + 0.5 * step))
+    # The lengths differ by a difference of squares, known exactly, over their sum.
+    scaled = friction * step[1:]
+    total = before + after
+    squares = jnp.sum(scaled * (friction * (2 * r[1:] + step[1:])))
+    stretch = squares / jnp.where(total > 0, total, 1.0)
+    moved = step[0] - stretch
+    middle = D[0] / (1 + mu * mu) * moved * (r[0] - before + 0.5 * moved)
+    across = _cost(D, mu, friction, end) - _cost(D, mu, friction, r)
+    same = jnp.where(middle0 & middle1, middle, across)
+    return jnp.where(bottom0 & bottom1, bottom, same)

@@ -1,0 +1,59 @@
+"""The solution as a differentiable function of the problem.
+
+At the minimum the residual, minus the gradient of the objective, is zero: `r(x, theta) = 0`. By
+the implicit function theorem
+
+    dx = H^-1 (dr/dtheta) dtheta,    H = -dr/dx = M + J^T W J,
+
+whatever loop found x. The derivative is one further linear solve, taken only when somebody
+differentiates, and is exact as far as the loop converged: look at `SolverStatus.residual`.
+"""
+
+import jax
+from jaxtyping import Array, Float
+
+from jaxsim.solver.operator import Operator
+from jaxsim.solver.problem import Problem
+
+
+def attach(
+    x: Float[Array, "nv"], problem: Problem, operator: Operator, x_smooth: Float[Array, "nv"]
+) -> Float[Array, "nv"]:
+    """Returns x unchanged, with the derivatives of the minimiser.
+
+    Forward and reverse mode, `vmap` and `jit` apply, and so do second derivatives away from the
+    boundaries of the cost's zones. Nothing flows back into how x was found.
+
+    Args:
+        x: The minimiser.
+        problem: The blocks of constraint rows.
+        operator: Mass matrix and Jacobian.
+        x_smooth: The minimiser without constraints.
+
+    Returns:
+        x as a function of problem, operator and x_smooth.
+    """
+    return _attached(jax.lax.stop_gradient(x), (problem, operator, x_smooth))
+
+
+@jax.custom_jvp
+def _attached(x, theta):
+    del theta
+    return x
+
+
+@_attached.defjvp
+def _attached_jvp(primals, tangents):
+    found, theta = primals
+    # The point is again a function of theta, which makes the rule itself differentiable.
+    x = _attached(found, theta)
+    _, dr = jax.jvp(lambda t: _residual(x, t), (theta,), (tangents[1],))
+    problem, operator, _ = theta
+    curvatures = problem.curvatures(operator.rows(operator.lift(x)))
+    return x, operator.vector(operator.solve(curvatures, dr))
+
+
+def _residual(x, theta):
+    problem, operator, x_smooth = theta
+    forces = problem.forces(operator.rows(operator.lift(x)))
+    return operator.residual(operator.lift(x - x_smooth), forces)

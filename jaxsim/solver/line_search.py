@@ -1,0 +1,136 @@
+"""Exact line search on the piecewise smooth, convex objective.
+
+Along `x + alpha s` the objective phi is convex, so its slope phi' increases and the minimum is
+its only root: Newton steps on phi' inside a bracket, bisection when they stop paying.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from flax import struct
+from jax import lax
+from jaxtyping import Array, Bool, Float
+
+from jaxsim.solver.operator import Lifted, Operator, Rows
+from jaxsim.solver.problem import Problem
+
+# Searches of at most this many evaluations are unrolled: no loop overhead, few operations.
+UNROLLED = 8
+
+
+@struct.dataclass
+class Line:
+    """The objective along a line.
+
+    Attributes:
+        problem: The blocks of constraint rows.
+        start: Residuals `J x - aref` at alpha = 0.
+        direction: `J s`.
+        slope: Derivative of the quadratic term at alpha = 0, `s^T M (x - x_smooth)`.
+        bend: Its second derivative, `s^T M s`.
+        rounding: What rounding may add to a slope.
+    """
+
+    problem: Problem
+    start: Rows
+    direction: Rows
+    slope: Float[Array, ""]
+    bend: Float[Array, ""]
+    rounding: Float[Array, ""]
+
+    def slopes(self, alpha: Float[Array, ""]) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """phi'(alpha) and phi''(alpha)."""
+        first, second = self.slope + alpha * self.bend, self.bend
+        for block, r, v in self._blocks():
+            d1, d2 = block.slopes(r + alpha * v, v)
+            first, second = first + d1, second + d2
+        return first, second
+
+    def change(self, alpha: Float[Array, ""]) -> Float[Array, ""]:
+        """phi(alpha) - phi(0)."""
+        total = alpha * (self.slope + 0.5 * alpha * self.bend)
+        for block, r, v in self._blocks():
+            total = total + block.change(r, alpha * v)
+        return total
+
+    def _blocks(self):
+        return zip(self.problem.blocks, self.start, self.direction, strict=True)
+
+
+def make_line(problem: Problem, operator: Operator, y: Lifted, dy: Lifted, ys: Lifted) -> Line:
+    """The objective from y (dy from x_smooth) along ys."""
+    start, direction = problem.residuals(operator.rows(y)), operator.rows(ys)
+    slope = operator.inner(ys, dy)
+    size = jnp.abs(slope)
+    for block, r, v in zip(problem.blocks, start, direction, strict=True):
+        size = size + jnp.sum(jnp.abs(block.force(r) * v))
+    rounding = 8 * jnp.finfo(size.dtype).eps * size
+    return Line(problem, start, direction, slope, operator.inner(ys, ys), rounding)
+
+
+class _Search(NamedTuple):
+    alpha: Float[Array, ""]  # the next point to try
+    low: Float[Array, ""]  # the largest known point with a negative slope
+    high: Float[Array, ""]  # the smallest known point with a positive slope
+    steepness: Float[Array, ""]  # |phi'| at the previous point
+    done: Bool[Array, ""]
+    count: Array
+
+
+def line_search(
+    line: Line, tolerance: Float[Array, ""], iterations: int
+) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """The step alpha >= 0 that minimises phi, and `phi(0) - phi(alpha)`.
+
+    Args:
+        line: The objective along a descent direction.
+        tolerance: Slope below which a point is accepted.
+        iterations: Largest number of slopes evaluated; the first at alpha = 1, the Newton step.
+
+    Returns:
+        The step and its improvement. The step is zero if nothing better than alpha = 0 was found.
+    """
+    accept = jnp.maximum(tolerance, line.rounding)
+    one, zero = jnp.ones_like(line.bend), jnp.zeros_like(line.bend)
+    inf = jnp.full_like(zero, jnp.inf)
+    search = _Search(one, zero, inf, inf, jnp.zeros((), bool), jnp.zeros((), int))
+    search = _repeat(lambda s: _advance(line, accept, s), search, iterations)
+    # The last point may be a Newton step whose cost was never seen; low improves by convexity.
+    worse = ~(line.change(search.alpha) <= line.rounding * search.alpha)
+    alpha = jnp.where(worse, search.low, search.alpha)
+    return alpha, -line.change(alpha)
+
+
+def _repeat(advance: Callable[[_Search], _Search], search: _Search, iterations: int) -> _Search:
+    if iterations > UNROLLED:
+        return lax.while_loop(lambda s: ~s.done & (s.count < iterations), advance, search)
+    for _ in range(iterations):
+        search = advance(search)
+    return search
+
+
+def _advance(line: Line, accept: Float[Array, ""], search: _Search) -> _Search:
+    """Evaluates the slope at the next point and chooses the one after it."""
+    alpha = search.alpha
+    first, second = line.slopes(alpha)
+    steepness = jnp.abs(first)
+    low = jnp.where(first < 0, alpha, search.low)
+    high = jnp.where(first > 0, alpha, search.high)
+    newton = alpha - first / jnp.where(second > 0, second, 1.0)
+    middle = 0.5 * (low + high)
+    slow = steepness > 0.25 * search.steepness
+    inside = (newton > low) & (newton < high)
+    bisect = jnp.isfinite(high) & (slow | ~inside)
+    proposal = jnp.where(bisect, middle, newton)
+    # Nothing lies between the ends of a bracket as narrow as a unit of rounding.
+    narrow = (proposal <= low) | (proposal >= high)
+    done = search.done | (steepness <= accept) | narrow
+    return _Search(
+        alpha=jnp.where(done, alpha, proposal),
+        low=jnp.where(search.done, search.low, low),
+        high=jnp.where(search.done, search.high, high),
+        steepness=steepness,
+        done=done,
+        count=search.count + 1,
+    )

@@ -1,0 +1,213 @@
+"""Newton's method on the primal problem, with an exact line search.
+
+The loop is MuJoCo's: start at the better of the warm start and the unconstrained point, step along
+`s = H^-1 (-gradient)` with the Hessian `H = M + J^T W J` of the current zones, stop when the
+scaled improvement or the scaled gradient falls below the tolerance. Two things are added. A step
+that is not finite is refused and ends the loop. And when a step gains no more than rounding and
+the gradient no longer shrinks, the loop ends whatever the tolerance.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from flax import struct
+from jax import lax
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxsim.solver.line_search import line_search, make_line
+from jaxsim.solver.operator import Lifted, Operator
+from jaxsim.solver.problem import Problem
+
+
+@struct.dataclass
+class SolverStatus:
+    """How the solve went. Nothing here is scaled.
+
+    Attributes:
+        iterations: Steps taken.
+        residual: Norm of the gradient at the solution. Derivatives are exact where it is zero.
+        improvement: Decrease of the cost by the last step; infinite without a step.
+        cost: Cost at the solution.
+        finite: False if a step was refused because it was not finite.
+    """
+
+    iterations: Int[Array, ""]
+    residual: Float[Array, ""]
+    improvement: Float[Array, ""]
+    cost: Float[Array, ""]
+    finite: Bool[Array, ""]
+
+
+@struct.dataclass
+class Solution:
+    """The minimiser.
+
+    Attributes:
+        x: The point.
+        y: The same point, lifted by the operator.
+        status: How the solve went.
+    """
+
+    x: Float[Array, "nv"]
+    y: Lifted
+    status: SolverStatus
+
+
+class _Iterate(NamedTuple):
+    y: Lifted
+    residual: Float[Array, "nv"]
+    improvement: Float[Array, ""]
+    count: Int[Array, ""]
+    finite: Bool[Array, ""]
+    done: Bool[Array, ""]
+
+
+class _Search(NamedTuple):
+    """What stays the same from step to step."""
+
+    problem: Problem
+    operator: Operator
+    y_smooth: Lifted
+    ls_iterations: int
+    tolerance: Float[Array, ""]
+    ls_tolerance: Float[Array, ""]
+    scale: Float[Array, ""]
+
+
+def solve(
+    problem: Problem,
+    operator: Operator,
+    x_warm: Float[Array, "nv"],
+    x_smooth: Float[Array, "nv"],
+    *,
+    iterations: int,
+    ls_iterations: int,
+    tolerance: float | Float[Array, ""],
+    ls_tolerance: float | Float[Array, ""],
+    scale: float | Float[Array, ""],
+    warmstart: bool = True,
+) -> Solution:
+    """Minimises `1/2 |x - x_smooth|_M^2 + s(J x - aref)` over x.
+
+    The result carries no derivative; `implicit.attach` gives it one.
+
+    Args:
+        problem: The blocks of constraint rows.
+        operator: Mass matrix and Jacobian.
+        x_warm: A guess, used where it costs less than x_smooth.
+        x_smooth: The minimiser without constraints.
+        iterations: Largest number of Newton steps. With 1 there is no loop.
+        ls_iterations: Largest number of slopes that a line search evaluates.
+        tolerance: Bound on the scaled improvement and on the scaled gradient norm.
+        ls_tolerance: Line searches stop at a slope of `tolerance * ls_tolerance * |s| / scale`.
+        scale: Makes costs and gradients dimensionless: the inverse of the trace of M, or of
+            `meaninertia * max(1, nv)`, an estimate of it.
+        warmstart: Whether x_warm is looked at.
+
+    Returns:
+        The minimiser and how it was found.
+    """
+    numbers = [jnp.asarray(a, x_smooth.dtype) for a in (tolerance, ls_tolerance, scale)]
+    held = (problem, operator, x_warm, x_smooth, numbers)
+    problem, operator, x_warm, x_smooth, numbers = lax.stop_gradient(held)
+    search = _Search(problem, operator, operator.lift(x_smooth), ls_iterations, *numbers)
+    y = _better(search, operator.lift(x_warm)) if warmstart else search.y_smooth
+    state = _run(search, _start(search, y), iterations)
+    status = SolverStatus(
+        iterations=state.count,
+        residual=_norm(state.residual),
+        improvement=state.improvement,
+        cost=_cost(search, state.y),
+        finite=state.finite,
+    )
+    return Solution(x=operator.vector(state.y), y=state.y, status=status)
+
+
+def _run(search: _Search, state: _Iterate, iterations: int) -> _Iterate:
+    if iterations == 0 or state.residual.size == 0:
+        return state
+    if iterations == 1:
+        return _step(search, state)
+    return lax.while_loop(
+        lambda s: ~s.done & (s.count < iterations), lambda s: _step(search, s), state
+    )
+
+
+def _start(search: _Search, y: Lifted) -> _Iterate:
+    residual = _residual(search, y)
+    return _Iterate(
+        y=y,
+        residual=residual,
+        improvement=jnp.full_like(search.scale, jnp.inf),
+        count=jnp.zeros((), jnp.int32),
+        finite=jnp.ones((), bool),
+        done=search.scale * _norm(residual) < search.tolerance,
+    )
+
+
+def _step(search: _Search, state: _Iterate) -> _Iterate:
+    """One Newton step with its line search."""
+    problem, operator = search.problem, search.operator
+    ys = operator.solve(problem.curvatures(operator.rows(state.y)), state.residual)
+    line = make_line(problem, operator, state.y, _minus(state.y, search.y_smooth), ys)
+    length = _norm(operator.vector(ys))
+    slope = search.tolerance * search.ls_tolerance * length / search.scale
+    alpha, improvement = line_search(line, slope, search.ls_iterations)
+    y = jax.tree.map(lambda a, b: a + alpha * b, state.y, ys)
+    residual = _residual(search, y)
+    finite = jnp.isfinite(length) & jnp.isfinite(improvement) & jnp.isfinite(_norm(residual))
+    moved = finite & (alpha > 0)
+    stop = _converged(search, residual, improvement)
+    stop = stop | _exhausted(state, residual, improvement, line.rounding * alpha)
+    return _Iterate(
+        y=_where(moved, y, state.y),
+        residual=jnp.where(moved, residual, state.residual),
+        improvement=jnp.where(moved, improvement, 0.0),
+        count=state.count + moved,
+        finite=finite,
+        done=stop | ~moved,
+    )
+
+
+def _converged(search: _Search, residual: Array, improvement: Array) -> Bool[Array, ""]:
+    """Whether the improvement or the gradient is below the tolerance."""
+    gradient = search.scale * _norm(residual)
+    small = search.scale * improvement < search.tolerance
+    return (small & (improvement > 0)) | (gradient < search.tolerance)
+
+
+def _exhausted(
+    state: _Iterate, residual: Array, improvement: Array, rounding: Array
+) -> Bool[Array, ""]:
+    """Whether only rounding is left. A converging Newton step shrinks the gradient far more."""
+    return (improvement <= rounding) & (_norm(residual) > 0.5 * _norm(state.residual))
+
+
+def _residual(search: _Search, y: Lifted) -> Float[Array, "nv"]:
+    forces = search.problem.forces(search.operator.rows(y))
+    return search.operator.residual(_minus(y, search.y_smooth), forces)
+
+
+def _cost(search: _Search, y: Lifted) -> Float[Array, ""]:
+    dy = _minus(y, search.y_smooth)
+    gauss = 0.5 * search.operator.inner(dy, dy)
+    return gauss + search.problem.cost(search.operator.rows(y))
+
+
+def _better(search: _Search, y_warm: Lifted) -> Lifted:
+    """The warm start where it is cheaper; a warm start that is not finite never is."""
+    warm = _cost(search, y_warm) < _cost(search, search.y_smooth)
+    return _where(warm, y_warm, search.y_smooth)
+
+
+def _minus(a: Lifted, b: Lifted) -> Lifted:
+    return jax.tree.map(jnp.subtract, a, b)
+
+
+def _where(condition: Bool[Array, ""], a: Lifted, b: Lifted) -> Lifted:
+    return jax.tree.map(lambda x, y: jnp.where(condition, x, y), a, b)
+
+
+def _norm(x: Float[Array, "n"]) -> Float[Array, ""]:
+    return jnp.sqrt(jnp.sum(x * x))

@@ -1,0 +1,53 @@
+"""What the solver asks of the mass matrix M and the constraint Jacobian J.
+
+An operator hides how `M x`, `J x` and `(M + J^T W J)^-1 r` are found: with dense matrices
+(`dense.DenseOperator`), with conjugate gradients (`pcg.pcg`), or by walks over a tree of bodies.
+The solver handles points only in *lifted* form, a pytree y that is linear in x and carries
+whatever the operator wants to know about x, say `(x, M x, J x)`. Adding lifted points adds the
+points, so a step along a line never multiplies by M or J again.
+
+An operator is itself a pytree, its numbers are leaves: `implicit.attach` differentiates with
+respect to them.
+"""
+
+from typing import Any, Protocol
+
+from jaxtyping import Array, Float
+
+Rows = tuple[Array, ...]
+"""One array per block of constraint rows."""
+
+Lifted = Any
+"""A pytree of arrays, linear in the point x that it stands for."""
+
+
+class Operator(Protocol):
+    """Products with, and solves of, the matrices of the constrained problem."""
+
+    def lift(self, x: Float[Array, "nv"]) -> Lifted:
+        """The lifted form of x."""
+        ...
+
+    def vector(self, y: Lifted) -> Float[Array, "nv"]:
+        """The point x that y stands for."""
+        ...
+
+    def rows(self, y: Lifted) -> Rows:
+        """`J x`, block by block, each in the shape of its block's `aref`."""
+        ...
+
+    def inner(self, y1: Lifted, y2: Lifted) -> Float[Array, ""]:
+        """`x1^T M x2`."""
+        ...
+
+    def residual(self, dy: Lifted, forces: Rows) -> Float[Array, "nv"]:
+        """`J^T f - M dx`, with `dy = lift(dx)` and `dx = x - x_smooth`: minus the gradient."""
+        ...
+
+    def solve(self, curvatures: Rows, r: Float[Array, "nv"]) -> Lifted:
+        """The lifted solution of `(M + J^T W J) s = r`.
+
+        W is diagonal in blocks whose curvature has the shape of `aref`, block diagonal in those
+        of shape (n, d, d). The result must be linear in r and differentiable, both ways.
+        """
+        ...

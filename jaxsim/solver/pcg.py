@@ -1,0 +1,113 @@
+"""Preconditioned conjugate gradients for Hessians that are never formed.
+
+For large scenes the Hessian `M + J^T W J` is only multiplied by, and a cheaper matrix close to it
+is solved instead (Saad 2003, "Iterative Methods for Sparse Linear Systems", algorithm 9.1).
+The solve is wrapped in `lax.custom_linear_solve`: its derivatives are further solves, not a
+differentiated loop.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Float
+
+from jaxsim.solver.operator import Lifted, Operator, Rows
+
+LinearMap = Callable[[Array], Array]
+
+
+class _State(NamedTuple):
+    x: Array
+    residual: Array
+    direction: Array
+    energy: Array
+    count: Array
+
+
+def pcg(
+    product: LinearMap,
+    precondition: LinearMap,
+    b: Float[Array, "nv"],
+    tolerance: float | Float[Array, ""],
+    iterations: int,
+) -> Float[Array, "nv"]:
+    """Solves `A x = b` for a symmetric positive definite A.
+
+    Args:
+        product: `x -> A x`.
+        precondition: `r -> P^-1 r` with P symmetric positive definite and close to A.
+        b: Right-hand side.
+        tolerance: Stops when `b - A x` has shrunk by this factor in the norm of `P^-1`.
+        iterations: Largest number of products.
+
+    Returns:
+        The solution, linear in b up to the tolerance.
+    """
+
+    def solve(_: LinearMap, b: Array) -> Array:
+        z = precondition(b)
+        start = _State(jnp.zeros_like(b), b, z, b @ z, jnp.zeros((), int))
+        floor = (jnp.asarray(tolerance, b.dtype) ** 2) * start.energy
+
+        def unfinished(state: _State) -> Array:
+            return (state.count < iterations) & (state.energy > floor)
+
+        return lax.while_loop(unfinished, lambda s: _advance(product, precondition, s), start).x
+
+    return lax.custom_linear_solve(product, b, solve, symmetric=True)
+
+
+def _advance(product: LinearMap, precondition: LinearMap, state: _State) -> _State:
+    """One iteration; an indefinite or non-finite product ends the loop where it stands."""
+    ap = product(state.direction)
+    power = state.direction @ ap
+    sound = (power > 0) & jnp.isfinite(power)
+    alpha = jnp.where(sound, state.energy / jnp.where(sound, power, 1.0), 0.0)
+    residual = state.residual - alpha * jnp.where(sound, ap, 0.0)
+    z = precondition(residual)
+    energy = jnp.where(sound, residual @ z, 0.0)
+    direction = z + energy / state.energy * state.direction
+    return _State(state.x + alpha * state.direction, residual, direction, energy, state.count + 1)
+
+
+def hessian_product(
+    operator: Operator, curvatures: Rows, x: Float[Array, "nv"]
+) -> Float[Array, "nv"]:
+    """`(M + J^T W J) x` from the operator's other products."""
+    y = operator.lift(x)
+    return -operator.residual(y, tuple(map(_weigh, curvatures, operator.rows(y))))
+
+
+def _weigh(W: Array, jx: Array) -> Array:
+    """`-W J x` of one block."""
+    if W.ndim == jx.ndim:
+        return -W * jx
+    return -jax.vmap(jnp.matmul)(W, jx)
+
+
+def pcg_solve(
+    operator: Operator,
+    curvatures: Rows,
+    r: Float[Array, "nv"],
+    precondition: LinearMap,
+    tolerance: float | Float[Array, ""],
+    iterations: int,
+) -> Lifted:
+    """The lifted `(M + J^T W J)^-1 r`: an `Operator.solve` that forms no matrix.
+
+    Args:
+        operator: Used for its products only, not for its own `solve`.
+        curvatures: W, block by block.
+        r: Right-hand side.
+        precondition: See `pcg`.
+        tolerance: See `pcg`.
+        iterations: See `pcg`.
+    """
+
+    def product(x: Array) -> Array:
+        return hessian_product(operator, curvatures, x)
+
+    return operator.lift(pcg(product, precondition, r, tolerance, iterations))

@@ -1,0 +1,48 @@
+"""Rows that may only push: joint limits, frictionless contacts, edges of friction pyramids."""
+
+import jax.numpy as jnp
+from flax import struct
+from jaxtyping import Array, Float
+
+
+@struct.dataclass
+class Unilateral:
+    """Cost `s(r) = 1/2 D min(r, 0)^2` of every row.
+
+    Attributes:
+        aref: Reference acceleration; the residual is `r = J x - aref`.
+        D: Inverse regularisation `1 / R >= 0`. A row with `D = 0` contributes nothing.
+    """
+
+    aref: Float[Array, "*rows"]
+    D: Float[Array, "*rows"]
+
+    def cost(self, r: Float[Array, "*rows"]) -> Float[Array, ""]:
+        """Total cost of the rows at the residual r."""
+        return 0.5 * jnp.sum(self.curvature(r) * r * r)
+
+    def force(self, r: Float[Array, "*rows"]) -> Float[Array, "*rows"]:
+        """Force `-ds/dr >= 0` of every row."""
+        return -self.curvature(r) * r
+
+    def curvature(self, r: Float[Array, "*rows"]) -> Float[Array, "*rows"]:
+        """Second derivative of the cost of every row."""
+        return jnp.where(r < 0, self.D, 0.0)
+
+    def slopes(
+        self, r: Float[Array, "*rows"], v: Float[Array, "*rows"]
+    ) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """First and second derivative of the cost at r along v."""
+        dv = self.curvature(r) * v
+        return jnp.sum(dv * r), jnp.sum(dv * v)
+
+    def change(self, r: Float[Array, "*rows"], step: Float[Array, "*rows"]) -> Float[Array, ""]:
+        """`cost(r + step) - cost(r)` without the cancellation of that difference.
+
+        With `c = min(r, 0)` the cost is `D c (r - c / 2)`. Its difference is
+        `D (mean(c) dr + dc mean(r - c))`, whose second term vanishes where both ends are active.
+        """
+        end = r + step
+        before, after = jnp.minimum(r, 0), jnp.minimum(end, 0)
+        outside = (r - before) + (end - after)
+        return 0.5 * jnp.sum(self.D * ((before + after) * step + (after - before) * outside))
