@@ -1,0 +1,1 @@
+"""Rigid-body dynamics of a tree: kinematics, Featherstone's algorithms, forces and energy."""

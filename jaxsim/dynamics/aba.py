@@ -1,0 +1,122 @@
+"""Articulated bodies: accelerations from forces, and the solve with the mass matrix, O(n).
+
+Featherstone, Rigid Body Dynamics Algorithms (2008), section 7.3, in world axes.
+"""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxsim.dynamics.kinematics import Kinematics, kinematics
+from jaxsim.dynamics.rnea import qfrc_bias
+from jaxsim.dynamics.tree import inward, outward
+from jaxsim.dynamics.velocity import from_tree_order, to_tree_order, velocities
+from jaxsim.model import Model
+
+
+def forward_dynamics(
+    model: Model, qpos: Float[Array, "nq"], qvel: Float[Array, "nv"], tau: Float[Array, "nv"]
+) -> Float[Array, "nv"]:
+    """Accelerations under generalised forces and gravity, `M^-1 (tau - qfrc_bias)`.
+
+    Args:
+      model: the model.
+      qpos: coordinates.
+      qvel: velocities.
+      tau: all generalised forces, in N or N m.
+
+    Returns:
+      Accelerations without constraints; `inverse_dynamics` inverts this.
+    """
+    kin = kinematics(model, qpos)
+    return solve_mass(model, kin, tau - qfrc_bias(model, kin, velocities(model, kin, qvel)))
+
+
+def solve_mass(model: Model, kin: Kinematics, force: Float[Array, "nv"]) -> Float[Array, "nv"]:
+    """`M^-1 force`, armature included."""
+    matrices = jax.vmap(lambda inertia: inertia.as_matrix())(kin.inertia)
+    return solve_articulated(model, kin.cdof, matrices, model.dof_armature, force)[0]
+
+
+def solve_articulated(
+    model: Model,
+    cdof: Float[Array, "nv 6"],
+    link_matrix: Float[Array, "njnt 6 6"],
+    diagonal: Float[Array, "nv"],
+    force: Float[Array, "nv"],
+) -> tuple[Float[Array, "nv"], Float[Array, "njnt 6"]]:
+    """Solve with the mass matrix of a tree whose links have arbitrary 6x6 inertias.
+
+    `H = sum_links J^T K J + diag(d)`, with K any symmetric matrices such that H is positive
+    definite. A contact with the world adds to K and a joint limit to d, which makes this the
+    Newton step of the contact problem.
+
+    Args:
+      model: the model.
+      cdof: motion axes, tree order.
+      link_matrix: K of each link about the tree's reference point, tree order.
+      diagonal: d, MuJoCo's order; armature belongs here.
+      force: right-hand side, MuJoCo's order.
+
+    Returns:
+      `H^-1 force` in MuJoCo's order, and the accelerations of the links that it causes.
+    """
+    tree = model.tree
+    dofs = (cdof, to_tree_order(model, diagonal), to_tree_order(model, force))
+    zero = (jnp.zeros((6, 6), cdof.dtype), jnp.zeros(6, cdof.dtype))
+    _, factors = inward(tree, _eliminate, zero, link_matrix, dofs)
+    root = jnp.zeros((tree.nroot, 6), cdof.dtype)
+    acceleration, x = outward(tree, _substitute, root, (), (cdof, *factors))
+    return from_tree_order(model, x), acceleration
+
+
+def _eliminate(children, matrix, dofs):
+    """Articulated inertia and bias seen by the parent, with the joint's own motion eliminated."""
+    (articulated, bias), (S, diagonal, force) = children, dofs
+    articulated = articulated + matrix
+    U = S @ articulated
+    joint = S @ U.T + jnp.diag(diagonal)
+    gain, offset = _solve_joint(joint, U, force - S @ bias)
+    return (articulated - U.T @ gain, bias + U.T @ offset), (gain, offset)
+
+
+def _substitute(parent, _, dofs):
+    """Joint acceleration from the parent's, then the link's."""
+    S, gain, offset = dofs
+    x = offset - gain @ parent
+    return parent + x @ S, x
+
+
+def _solve_joint(joint, U, u):
+    """`joint^-1 U` and `joint^-1 u` for 1, 3 or 6 degrees of freedom: LDL^T, unrolled."""
+    n = joint.shape[0]
+    if n == 1:
+        inverse = 1 / joint[0, 0]
+        return inverse * U, inverse * u
+    rows = [jnp.concatenate([U[i], u[i, None]]) for i in range(n)]
+    lower, pivots = _factor(joint, n)
+    for i in range(n):
+        for k in range(i):
+            rows[i] = rows[i] - lower[i][k] * rows[k]
+    for i in reversed(range(n)):
+        rows[i] = rows[i] / pivots[i]
+        for k in range(i + 1, n):
+            rows[i] = rows[i] - lower[k][i] * rows[k]
+    solved = jnp.stack(rows)
+    return solved[:, :6], solved[:, 6]
+
+
+def _factor(A, n: int):
+    """Unit lower triangle and pivots of `A = L D L^T`, as nested lists of scalars."""
+    lower, pivots = [[None] * n for _ in range(n)], []
+    for j in range(n):
+        pivot = A[j, j]
+        for k in range(j):
+            pivot = pivot - lower[j][k] * lower[j][k] * pivots[k]
+        pivots.append(pivot)
+        for i in range(j + 1, n):
+            entry = A[i, j]
+            for k in range(j):
+                entry = entry - lower[i][k] * lower[j][k] * pivots[k]
+            lower[i][j] = entry / pivot
+    return lower, pivots

@@ -1,0 +1,202 @@
+"""Forward kinematics: from coordinates to the poses of everything, and the joints' motion axes."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from flax import struct
+from jaxtyping import Array, Float
+
+from jaxsim.dynamics.joints import NQ, joint_pose, motion_subspace
+from jaxsim.dynamics.links import Links, link_parameters
+from jaxsim.dynamics.tree import accumulate_inward, outward, take
+from jaxsim.model import Model
+from jaxsim.model.topology import Forest
+from jaxsim.spatial import Inertia, Pose, quat_normalize, quat_to_matrix
+
+# Subtrees lighter than this have no centre of mass worth the name (MuJoCo's mjMINVAL).
+_MIN_MASS = 1e-15
+
+
+@struct.dataclass
+class Kinematics:
+    """Where everything is, in world coordinates; names, shapes and order are MuJoCo's.
+
+    The last group is what the recursions work on: twists, wrenches and inertias in world axes
+    about the reference point of each tree, links and degrees of freedom in tree order. The
+    reference point is the origin of the tree's first body, which keeps float32 accurate far from
+    the world's origin.
+    """
+
+    xpos: Float[Array, "nbody 3"]
+    xquat: Float[Array, "nbody 4"]
+    xmat: Float[Array, "nbody 3 3"]
+    xipos: Float[Array, "nbody 3"]
+    ximat: Float[Array, "nbody 3 3"]
+    geom_xpos: Float[Array, "ngeom 3"]
+    geom_xmat: Float[Array, "ngeom 3 3"]
+    site_xpos: Float[Array, "nsite 3"]
+    site_xmat: Float[Array, "nsite 3 3"]
+    subtree_com: Float[Array, "nbody 3"]
+
+    origin: Float[Array, "ntree 3"]
+    link_pose: Pose
+    cdof: Float[Array, "nv 6"]
+    inertia: Inertia
+
+
+def kinematics(
+    model: Model,
+    qpos: Float[Array, "nq"],
+    mocap_pos: Float[Array, "nmocap 3"] | None = None,
+    mocap_quat: Float[Array, "nmocap 4"] | None = None,
+    links: Links | None = None,
+) -> Kinematics:
+    """Poses of bodies, geoms and sites, motion axes and link inertias.
+
+    Args:
+      model: the model.
+      qpos: coordinates; quaternions need not be normalised.
+      mocap_pos: positions of the mocap bodies; None where the model has none.
+      mocap_quat: orientations of the mocap bodies.
+      links: `link_parameters(model)`, where it is known already.
+    """
+    links = link_parameters(model) if links is None else links
+    base = _base_poses(model, mocap_pos, mocap_quat)
+    pose = _link_poses(model, links, qpos, base)
+    body = _body_poses(model, links, pose, base)
+    xmat = jax.vmap(quat_to_matrix)(body.quat)
+    xipos, ximat = _attached(body.pos, xmat, np.arange(model.nbody), model.body_ipos, model.body_iquat)
+    geoms = _attached(body.pos, xmat, model.geom_bodyid, model.geom_pos, model.geom_quat)
+    sites = _attached(body.pos, xmat, model.site_bodyid, model.site_pos, model.site_quat)
+    origin = take(pose.pos, reference_links(model))
+    # The roots' numbers are static, so this is a copy for one tree and a gather for many.
+    relative = pose.pos - take(origin, model.tree.root)
+    mat = jax.vmap(quat_to_matrix)(pose.quat)
+    return Kinematics(
+        xpos=body.pos,
+        xquat=body.quat,
+        xmat=xmat,
+        xipos=xipos,
+        ximat=ximat,
+        geom_xpos=geoms[0],
+        geom_xmat=geoms[1],
+        site_xpos=sites[0],
+        site_xmat=sites[1],
+        subtree_com=_subtree_com(model, xipos),
+        origin=origin,
+        link_pose=pose,
+        cdof=_motion_axes(model.tree, links, mat, relative),
+        inertia=jax.vmap(_world_inertia)(links.inertia, mat, relative),
+    )
+
+
+def reference_links(model: Model) -> np.ndarray:
+    """(ntree,) link whose origin is each tree's reference point: its first body's frame."""
+    tree = model.tree
+    body = model.jnt_bodyid[tree.order[: tree.nroot]]
+    return tree.position[model.body_jntadr[body] + model.body_jntnum[body] - 1]
+
+
+def _base_poses(model: Model, mocap_pos, mocap_quat) -> Pose:
+    """(1 + nmocap,) poses of what does not move by joints: the world, then mocap bodies."""
+    world = Pose.identity(model.body_pos.dtype)
+    base = jax.tree.map(lambda a: a[None], world)
+    if model.nmocap == 0 or mocap_pos is None:
+        return base
+    mocap = Pose(quat=jax.vmap(quat_normalize)(mocap_quat), pos=mocap_pos)
+    return jax.tree.map(lambda a, b: jnp.concatenate([a, b]), base, mocap)
+
+
+def _base_index(model: Model, bodies: np.ndarray) -> np.ndarray:
+    """Which base pose carries each of some bodies that no joint moves."""
+    return model.body_mocapid[model.structure.body_carrier[bodies]] + 1
+
+
+def _link_poses(model: Model, links: Links, qpos, base: Pose) -> Pose:
+    """World poses of the links: composition from the roots outward."""
+    tree = model.tree
+    displacement = _joint_poses(model, links, qpos)
+    local = jax.vmap(Pose.__matmul__)(links.offset, displacement)
+    below = model.body_parentid[model.jnt_bodyid[tree.order[: tree.nroot]]]
+    root = jax.tree.map(lambda a: take(a, _base_index(model, below)), base)
+    return outward(tree, lambda above, x, _: (above @ x, ()), root, local)[0]
+
+
+def _joint_poses(model: Model, links: Links, qpos) -> Pose:
+    """Displacements of all joints, computed type by type, in tree order."""
+    tree = model.tree
+    parts, where = [], []
+    for kind in sorted(set(tree.kind.tolist())):
+        (nodes,) = np.nonzero(tree.kind == kind)
+        address = model.jnt_qposadr[tree.order[nodes]][:, None] + np.arange(NQ[kind])
+        q, q0 = (take(x, address.ravel()).reshape(address.shape) for x in (qpos, model.qpos0))
+        one = jax.vmap(lambda *a, kind=kind: joint_pose(kind, *a))
+        parts.append(one(q, q0, take(links.axis, nodes), take(links.anchor, nodes)))
+        where.append(nodes)
+    return _merge(parts, where, links.offset)
+
+
+def _motion_axes(tree: Forest, links: Links, mat, relative) -> Float[Array, "nv 6"]:
+    """Motion axes of all degrees of freedom, computed type by type, in tree order."""
+    parts, where = [], []
+    for kind in sorted(set(tree.kind.tolist())):
+        (nodes,) = np.nonzero(tree.kind == kind)
+        inputs = (take(a, nodes) for a in (mat, relative, links.axis, links.anchor))
+        rows = jax.vmap(lambda *a, kind=kind: motion_subspace(kind, *a))(*inputs)
+        parts.append(rows.reshape(-1, 6))
+        where.append((tree.dof_start[nodes][:, None] + np.arange(rows.shape[1])).ravel())
+    return _merge(parts, where, jnp.zeros((0, 6), mat.dtype))
+
+
+def _merge(parts, where, empty):
+    """Join parts that belong at the given rows."""
+    if not parts:
+        return empty
+    order = np.argsort(np.concatenate(where))
+    return jax.tree.map(lambda *a: take(jnp.concatenate(a), order), *parts)
+
+
+def _body_poses(model: Model, links: Links, pose: Pose, base: Pose) -> Pose:
+    """World poses of all bodies: their carrier's, composed with where they sit on it."""
+    bodies = np.arange(model.nbody)
+    link = model.body_link
+    index = np.where(link >= 0, len(base.pos) + link, np.minimum(_base_index(model, bodies), len(base.pos) - 1))
+    carrier = jax.tree.map(lambda a, b: take(jnp.concatenate([a, b]), index), base, pose)
+    (welded,) = np.nonzero(model.structure.body_carrier != bodies)
+    if not len(welded):
+        return carrier
+    moved = jax.vmap(Pose.__matmul__)(
+        *(jax.tree.map(lambda a: take(a, welded), x) for x in (carrier, links.body))
+    )
+    (rest,) = np.nonzero(model.structure.body_carrier == bodies)
+    fixed = jax.tree.map(lambda a: take(a, rest), carrier)
+    return _merge([moved, fixed], [welded, rest], carrier)
+
+
+def _attached(xpos, xmat, bodies, pos, quat):
+    """World positions and orientations of frames fixed to bodies."""
+
+    def one(p, R, pos, quat):
+        return p + R @ pos, R @ quat_to_matrix(quat_normalize(quat))
+
+    return jax.vmap(one)(take(xpos, bodies), take(xmat, bodies), pos, quat)
+
+
+def _subtree_com(model: Model, xipos) -> Float[Array, "nbody 3"]:
+    """Centre of mass of each body's subtree; without mass, of the body's inertial frame."""
+    forest = model.structure.body_tree
+    mass = take(model.body_mass, forest.order)
+    moment = mass[:, None] * take(xipos, forest.order)
+    mass, moment = accumulate_inward(forest, (mass, moment))
+    mass, moment = take(mass, forest.position), take(moment, forest.position)
+    light = mass < _MIN_MASS
+    com = moment / jnp.where(light, 1.0, mass)[:, None]
+    return jnp.where(light[:, None], xipos, com)
+
+
+def _world_inertia(inertia: Inertia, mat, pos) -> Inertia:
+    """A link's inertia in world axes about the reference point."""
+    turned = inertia.replace(
+        first_moment=mat @ inertia.first_moment, rotational=mat @ inertia.rotational @ mat.T
+    )
+    return turned.shift(pos)

@@ -1,0 +1,115 @@
+"""Recursive Newton-Euler: the forces that a motion needs, O(n).
+
+Featherstone, Rigid Body Dynamics Algorithms (2008), section 5.3. In world axes about one point
+nothing has to be transformed: velocities and accelerations are sums from the roots outward,
+forces are sums from the leaves inward.
+"""
+
+import jax
+import jax.numpy as jnp
+import mujoco
+from jaxtyping import Array, Float
+
+from jaxsim.dynamics.kinematics import Kinematics, kinematics
+from jaxsim.dynamics.tree import accumulate_inward, accumulate_outward, sum_by, take
+from jaxsim.dynamics.velocity import Velocities, from_tree_order, to_tree_order, velocities
+from jaxsim.model import Model
+from jaxsim.spatial import Inertia, cross_force
+
+_GRAVITY_OFF = mujoco.mjtDisableBit.mjDSBL_GRAVITY
+
+
+def inverse_dynamics(
+    model: Model, qpos: Float[Array, "nv"], qvel: Float[Array, "nv"], qacc: Float[Array, "nv"]
+) -> Float[Array, "nv"]:
+    """Generalised forces of a motion, `M qacc + qfrc_bias`, without constraints.
+
+    Args:
+      model: the model.
+      qpos: coordinates.
+      qvel: velocities.
+      qacc: accelerations.
+
+    Returns:
+      Forces in N or N m; `forward_dynamics` inverts this.
+    """
+    kin = kinematics(model, qpos)
+    vel = velocities(model, kin, qvel)
+    force = link_forces(model, kin, vel, link_accelerations(model, kin, vel, qacc))
+    return generalized_force(model, kin, force) + model.dof_armature * qacc
+
+
+def qfrc_bias(model: Model, kin: Kinematics, vel: Velocities) -> Float[Array, "nv"]:
+    """Coriolis, centrifugal and gravity forces: what `M qacc` adds up to with all other forces."""
+    force = link_forces(model, kin, vel, link_accelerations(model, kin, vel))
+    return generalized_force(model, kin, force)
+
+
+def gravity(model: Model) -> Float[Array, "3"]:
+    """Acceleration of gravity, zero if the model switches it off."""
+    return model.opt.gravity * (0.0 if model.opt.disabled(_GRAVITY_OFF) else 1.0)
+
+
+def link_accelerations(
+    model: Model, kin: Kinematics, vel: Velocities, qacc: Float[Array, "nv"] | None = None
+) -> Float[Array, "njnt 6"]:
+    """Accelerations of the links relative to free fall: the roots accelerate against gravity."""
+    tree = model.tree
+    rate = vel.cdof_dot_qvel
+    if qacc is not None:
+        rate = rate + sum_by(kin.cdof * to_tree_order(model, qacc)[:, None], tree.dof_node, len(tree))
+    lift = jnp.concatenate([jnp.zeros(3, rate.dtype), -gravity(model)])
+    return accumulate_outward(tree, rate) + lift[None]
+
+
+def link_forces(
+    model: Model, kin: Kinematics, vel: Velocities, acceleration: Float[Array, "njnt 6"]
+) -> Float[Array, "njnt 6"]:
+    """Newton-Euler for each link by itself: `F = G a + v x* (G v)`."""
+
+    def one(inertia: Inertia, v, a):
+        return inertia.apply(a) + cross_force(v, inertia.apply(v))
+
+    return jax.vmap(one)(kin.inertia, vel.cvel, acceleration)
+
+
+def generalized_force(
+    model: Model, kin: Kinematics, link_wrench: Float[Array, "njnt 6"]
+) -> Float[Array, "nv"]:
+    """What wrenches on the links do to the degrees of freedom: `J^T F`.
+
+    Args:
+      model: the model.
+      kin: its kinematics.
+      link_wrench: wrenches about the tree's reference point, tree order.
+    """
+    total = accumulate_inward(model.tree, link_wrench)
+    each = take(total, model.tree.dof_node)
+    return from_tree_order(model, (kin.cdof * each).sum(1))
+
+
+def project_wrench(
+    model: Model,
+    kin: Kinematics,
+    wrench: Float[Array, "nbody 6"],
+    point: Float[Array, "nbody 3"],
+) -> Float[Array, "nv"]:
+    """Generalised force of wrenches on bodies.
+
+    Args:
+      model: the model.
+      kin: its kinematics.
+      wrench: (torque, force) on each body, world axes.
+      point: where each force acts (m).
+    """
+    return generalized_force(model, kin, wrench_on_links(model, kin, wrench, point))
+
+
+def wrench_on_links(model: Model, kin: Kinematics, wrench, point) -> Float[Array, "njnt 6"]:
+    """Sums of wrenches on bodies over the links that carry them, about the reference points."""
+    (moving,) = (model.body_link >= 0).nonzero()
+    link = model.body_link[moving]
+    torque, force = jnp.split(take(wrench, moving), 2, axis=1)
+    arm = take(point, moving) - take(take(kin.origin, model.tree.root), link)
+    moved = jnp.concatenate([torque + jnp.cross(arm, force), force], axis=1)
+    return sum_by(moved, link, len(model.tree))

@@ -1,0 +1,194 @@
+"""The two walks over a tree: every recursion of the dynamics is one of them.
+
+`outward` goes from the roots to the leaves, `inward` from the leaves to the roots. Both take the
+recurrence of a single node, run it for all nodes of a level at once, and put long runs of equal
+levels into one `lax.scan`, so that program size does not grow with depth. Arrays over nodes or
+over degrees of freedom are in tree order.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from jaxsim.model.topology import Forest, Level, Run
+
+# Up to this many slices are concatenated; a more scattered index becomes one gather.
+_MAX_SLICES = 16
+# Up to this many children per parent are added one by one; more become a scatter.
+_MAX_ROUNDS = 8
+
+
+def outward(forest: Forest, f: Callable, root: Any, nodes: Any, dofs: Any = ()) -> tuple[Any, Any]:
+    """Recur from the roots outward: `y_i, z_i = f(y_parent(i), node_i, dofs_i)`.
+
+    Args:
+      forest: the tree, static.
+      f: recurrence of one node; `dofs_i` has a leading axis of the node's degrees of freedom, and
+        so has its result `z_i`, which may be `()`.
+      root: what the roots see as their parent's `y`, stacked over the roots.
+      nodes: pytree of arrays over the nodes.
+      dofs: pytree of arrays over the degrees of freedom.
+
+    Returns:
+      `y` stacked over the nodes and `z` stacked over the degrees of freedom.
+    """
+    if not len(forest):
+        return _empty(forest, f, root, nodes, dofs)
+    ys, zs, carry = [], [], root
+    for run in forest.runs:
+        level = forest.levels[run.start]
+        xs = _slice(forest, run, nodes, dofs)
+
+        def body(y, x, level=level):
+            y, z = _level(level, f, _take(y, level.parents), *x)
+            return y, (y, z)
+
+        carry, (y, z) = _walk(run, body, carry, xs, reverse=False)
+        ys.append(y)
+        zs.append(z)
+    return _concatenate(ys), _concatenate(zs)
+
+
+def inward(forest: Forest, f: Callable, zero: Any, nodes: Any, dofs: Any = ()) -> tuple[Any, Any]:
+    """Recur from the leaves inward: `m_i, z_i = f(sum of m over the children of i, node_i, dofs_i)`.
+
+    Args:
+      forest: the tree, static.
+      f: recurrence of one node; `dofs_i` and `z_i` as in `outward`.
+      zero: the sum that a leaf sees, for one node.
+      nodes: pytree of arrays over the nodes.
+      dofs: pytree of arrays over the degrees of freedom.
+
+    Returns:
+      `m` stacked over the nodes and `z` stacked over the degrees of freedom.
+    """
+    if not len(forest):
+        return _empty(forest, f, _stack_zero(zero, 0), nodes, dofs)
+    ms, zs = [], []
+    carry = _stack_zero(zero, forest.levels[-1].size)
+    for run in reversed(forest.runs):
+        level = forest.levels[run.start]
+        above = forest.levels[run.start - 1].size if run.start else forest.nroot
+        xs = _slice(forest, run, nodes, dofs)
+
+        def body(total, x, level=level, above=above):
+            m, z = _level(level, f, total, *x)
+            return jax.tree.map(lambda a: sum_by(a, level.parents, above), m), (m, z)
+
+        carry, (m, z) = _walk(run, body, carry, xs, reverse=True)
+        ms.append(m)
+        zs.append(z)
+    return _concatenate(ms[::-1]), _concatenate(zs[::-1])
+
+
+def accumulate_outward(forest: Forest, x: Any) -> Any:
+    """Running sums from the roots: `y_i = y_parent(i) + x_i`."""
+    zero = jax.tree.map(lambda a: jnp.zeros((forest.nroot, *a.shape[1:]), a.dtype), x)
+    return outward(forest, lambda y, x, _: (jax.tree.map(jnp.add, y, x), ()), zero, x)[0]
+
+
+def accumulate_inward(forest: Forest, x: Any) -> Any:
+    """Sums over subtrees: `y_i = x_i + sum of y over the children of i`."""
+    zero = jax.tree.map(lambda a: jnp.zeros(a.shape[1:], a.dtype), x)
+    return inward(forest, lambda y, x, _: (jax.tree.map(jnp.add, y, x), ()), zero, x)[0]
+
+
+def take(x: jax.Array, index: np.ndarray) -> jax.Array:
+    """`x[index]` for a static index: slices where that is cheap, one gather otherwise."""
+    index = np.asarray(index, int)
+    if len(index) == x.shape[0] and np.array_equal(index, np.arange(len(index))):
+        return x
+    if len(index) and (index == index[0]).all():
+        return jnp.broadcast_to(x[index[0]][None], (len(index), *x.shape[1:]))
+    breaks = np.nonzero(np.diff(index) != 1)[0] + 1
+    runs = np.split(index, breaks)
+    if len(runs) > _MAX_SLICES:
+        return x.at[index].get(mode="promise_in_bounds")
+    parts = [lax.slice_in_dim(x, int(r[0]), int(r[-1]) + 1) for r in runs if len(r)]
+    return jnp.concatenate(parts) if parts else x[:0]
+
+
+def sum_by(x: jax.Array, group: np.ndarray, n: int) -> jax.Array:
+    """(n, ...) sums of the rows of `x` that belong to each group; `group` is static."""
+    group = np.asarray(group, int)
+    if len(group) == n and np.array_equal(group, np.arange(n)):
+        return x
+    count = np.bincount(group, minlength=n)
+    if len(group) == 0:
+        return jnp.zeros((n, *x.shape[1:]), x.dtype)
+    if (count == count[0]).all() and (np.diff(group) >= 0).all():
+        return x.reshape(n, count[0], *x.shape[1:]).sum(1)
+    if count.max() > _MAX_ROUNDS:
+        return jnp.zeros((n, *x.shape[1:]), x.dtype).at[group].add(x)
+    return _sum_in_rounds(x, group, count)
+
+
+def _sum_in_rounds(x, group, count):
+    """In round r, the r-th member of every group is added; absent members are a row of zeros."""
+    padded = jnp.concatenate([x, jnp.zeros_like(x[:1])])
+    members = [np.nonzero(group == g)[0] for g in range(len(count))]
+    total = None
+    for r in range(count.max()):
+        row = take(padded, np.array([m[r] if r < len(m) else len(group) for m in members]))
+        total = row if total is None else total + row
+    return total
+
+
+def _level(level: Level, f, parents, nodes, dofs):
+    """Run the recurrence for one level, kind by kind."""
+    ys, zs = [], []
+    for g in level.groups:
+        n = g.nodes.stop - g.nodes.start
+        cut = lambda tree, s=g.nodes: jax.tree.map(lambda a: a[s], tree)  # noqa: E731
+        block = jax.tree.map(lambda a, g=g, n=n: a[g.dofs].reshape(n, g.ndof, *a.shape[1:]), dofs)
+        y, z = jax.vmap(f)(cut(parents), cut(nodes), block)
+        ys.append(y)
+        zs.append(jax.tree.map(lambda a: a.reshape(-1, *a.shape[2:]), z))
+    return _concatenate(ys), _concatenate(zs)
+
+
+def _walk(run: Run, body, carry, xs, reverse: bool):
+    """One level directly, several by a scan whose outputs are joined again."""
+    if run.stop - run.start == 1:
+        return body(carry, jax.tree.map(lambda a: a[0], xs))
+    carry, out = lax.scan(body, carry, xs, reverse=reverse)
+    return carry, jax.tree.map(lambda a: a.reshape(-1, *a.shape[2:]), out)
+
+
+def _slice(forest: Forest, run: Run, nodes, dofs):
+    """The inputs of a run with a leading axis over its levels."""
+    levels = forest.levels[run.start : run.stop]
+    n, first, last = len(levels), levels[0], levels[-1]
+
+    def cut(start, stop, size):
+        return lambda a: a[start:stop].reshape(n, size, *a.shape[1:])
+
+    return (
+        jax.tree.map(cut(first.nodes.start, last.nodes.stop, first.size), nodes),
+        jax.tree.map(cut(first.dofs.start, last.dofs.stop, first.ndof), dofs),
+    )
+
+
+def _take(tree, index):
+    return jax.tree.map(lambda a: take(a, index), tree)
+
+
+def _concatenate(parts):
+    if len(parts) == 1:
+        return parts[0]
+    return jax.tree.map(lambda *a: jnp.concatenate(a), *parts)
+
+
+def _stack_zero(zero, n: int):
+    return jax.tree.map(lambda a: jnp.zeros((n, *jnp.shape(a)), jnp.result_type(a)), zero)
+
+
+def _empty(forest: Forest, f, parents, nodes, dofs):
+    """Shapes of a walk over no nodes at all."""
+    block = jax.tree.map(lambda a: a.reshape(0, 1, *a.shape[1:]), dofs)
+    y, z = jax.vmap(f, axis_size=0)(parents, nodes, block)
+    return y, jax.tree.map(lambda a: a.reshape(0, *a.shape[2:]), z)

@@ -1,0 +1,80 @@
+"""Velocities of the links, and what they add to the accelerations."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from flax import struct
+from jaxtyping import Array, Float
+
+from jaxsim.dynamics.joints import FREE
+from jaxsim.dynamics.kinematics import Kinematics
+from jaxsim.dynamics.tree import accumulate_outward, sum_by, take
+from jaxsim.model import Model
+from jaxsim.spatial import cross_motion
+
+
+@struct.dataclass
+class Velocities:
+    """Twists of the links, tree order, world axes about the tree's reference point.
+
+    Attributes:
+      cvel: twist of each link.
+      cdof_dot_qvel: rate of the joint's motion axes times its velocity; the part of the link's
+        acceleration relative to its parent that is there without `qacc`.
+    """
+
+    cvel: Float[Array, "njnt 6"]
+    cdof_dot_qvel: Float[Array, "njnt 6"]
+
+
+def velocities(model: Model, kin: Kinematics, qvel: Float[Array, "nv"]) -> Velocities:
+    """Link twists: sums of `cdof * qvel` from the roots outward.
+
+    The axes of a joint are fixed in its link, so they turn with it: their rate is `cvel x cdof`.
+    A free joint's translations keep their directions in the world instead.
+    """
+    tree = model.tree
+    each = kin.cdof * to_tree_order(model, qvel)[:, None]
+    joint = sum_by(each, tree.dof_node, len(tree))
+    turning = np.ones(tree.nv, bool)
+    for start in tree.dof_start[tree.kind == FREE]:
+        turning[start : start + 3] = False
+    carried = joint
+    if not turning.all():
+        carried = sum_by(jnp.where(turning[:, None], each, 0), tree.dof_node, len(tree))
+    cvel = accumulate_outward(tree, joint)
+    return Velocities(cvel=cvel, cdof_dot_qvel=jax.vmap(cross_motion)(cvel, carried))
+
+
+def body_twists(
+    model: Model, kin: Kinematics, link_twist: Float[Array, "njnt 6"], point: Float[Array, "nbody 3"]
+) -> Float[Array, "nbody 6"]:
+    """Twists of all bodies about given world points, from the twists of the links.
+
+    Args:
+      model: the model.
+      kin: its kinematics.
+      link_twist: velocities or accelerations of the links about the tree's reference point.
+      point: for each body the point to refer to, for instance `kin.xipos` (m).
+
+    Returns:
+      `(omega, v)` per body, world axes, zero for bodies that no joint moves.
+    """
+    link = model.body_link
+    (moving,) = np.nonzero(link >= 0)
+    twist = take(link_twist, link[moving])
+    arm = take(point, moving) - take(take(kin.origin, model.tree.root), link[moving])
+    v = twist[:, 3:] + jnp.cross(twist[:, :3], arm)
+    moved = jnp.concatenate([twist[:, :3], v], axis=1)
+    rows = np.where(link >= 0, np.cumsum(link >= 0) - 1, len(moving))
+    return take(jnp.concatenate([moved, jnp.zeros((1, 6), moved.dtype)]), rows)
+
+
+def to_tree_order(model: Model, x: Float[Array, "nv ..."]) -> Float[Array, "nv ..."]:
+    """From MuJoCo's order of degrees of freedom to tree order."""
+    return take(x, model.structure.dof_order)
+
+
+def from_tree_order(model: Model, x: Float[Array, "nv ..."]) -> Float[Array, "nv ..."]:
+    """From tree order to MuJoCo's order of degrees of freedom."""
+    return take(x, model.structure.dof_position)

@@ -1,0 +1,75 @@
+"""`load`: MJCF or URDF to a `Model`. MuJoCo compiles; the compiled model is what is read."""
+
+import difflib
+import importlib.resources
+import os
+import pathlib
+
+import mujoco
+
+from jaxsim.model import Model, ModelError, build
+
+
+def load(source: str | os.PathLike | mujoco.MjSpec | mujoco.MjModel) -> Model:
+    """Load a model.
+
+    Args:
+      source: path of an MJCF or URDF file (`.xml`, `.mjcf`, `.urdf`), the XML itself, the name of
+        a bundled model, an `mujoco.MjSpec`, or a compiled `mujoco.MjModel`.
+
+    Returns:
+      The model, its numbers in JAX's default float type.
+
+    Raises:
+      FileNotFoundError: there is no such file, and no bundled model has this name.
+      ModelError: the XML is malformed, the model asks for something that is not supported, or
+        its physics is invalid.
+      TypeError: the source is of another type.
+    """
+    return build(compile_mujoco(source))
+
+
+def compile_mujoco(source) -> mujoco.MjModel:
+    """The compiled `mujoco.MjModel` of any source that `load` takes; errors as there."""
+    if isinstance(source, mujoco.MjModel):
+        return source
+    if isinstance(source, mujoco.MjSpec):
+        return _compiled(source.compile, "the MjSpec")
+    if isinstance(source, str) and source.lstrip().startswith("<"):
+        return _compiled(lambda: mujoco.MjModel.from_xml_string(source), "the XML string")
+    if isinstance(source, (str, os.PathLike)):
+        path = _find(source)
+        return _compiled(lambda: mujoco.MjModel.from_xml_path(str(path)), str(path))
+    raise TypeError(
+        "load takes a path, an XML string, the name of a bundled model, a mujoco.MjSpec or a "
+        f"mujoco.MjModel, got {type(source).__name__}"
+    )
+
+
+def bundled_models() -> tuple[str, ...]:
+    """Names of the models that come with the package."""
+    return tuple(sorted(p.name.removesuffix(".xml") for p in _assets().iterdir() if p.name.endswith(".xml")))
+
+
+def _assets():
+    return importlib.resources.files("jaxsim") / "assets"
+
+
+def _find(source: str | os.PathLike) -> pathlib.Path:
+    path = pathlib.Path(source)
+    if path.is_file():
+        return path
+    name, models = os.fspath(source), bundled_models()
+    if name in models:
+        return pathlib.Path(str(_assets() / f"{name}.xml"))
+    near = difflib.get_close_matches(name, models, n=3)
+    hint = f"did you mean {' or '.join(near)}?" if near else f"bundled models are {', '.join(models)}"
+    raise FileNotFoundError(f"there is no file and no bundled model called {name!r}; {hint}")
+
+
+def _compiled(compile_, what: str) -> mujoco.MjModel:
+    try:
+        return compile_()
+    except (ValueError, mujoco.FatalError) as error:
+        reason = " ".join(str(error).split())
+        raise ModelError(f"MuJoCo cannot compile {what}: {reason}") from error

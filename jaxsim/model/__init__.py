@@ -1,0 +1,10 @@
+"""Models and states: what is simulated, and where it is."""
+
+from jaxsim.model.build import build
+from jaxsim.model.errors import ModelError
+from jaxsim.model.model import Model, Option
+from jaxsim.model.names import Names
+from jaxsim.model.state import State, make_state
+from jaxsim.model.structure import Structure
+
+__all__ = ["Model", "ModelError", "Names", "Option", "State", "Structure", "build", "make_state"]

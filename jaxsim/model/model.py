@@ -1,0 +1,178 @@
+"""`Model`: everything about a robot and its world that does not change during a simulation.
+
+Numbers are leaves, so that every physical parameter can be vmapped and differentiated; integers
+and flags are static and live in `Structure`. Both have MuJoCo's names, shapes, order and units:
+`model.body_mass` is a leaf, `model.jnt_type` is a numpy array.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+from flax import struct
+from jaxtyping import Array, Float
+
+from jaxsim.model.names import Names
+from jaxsim.model.structure import Structure
+
+
+@struct.dataclass
+class Option:
+    """Physics options: `mjOption`'s numbers as leaves, its integers static."""
+
+    timestep: Float[Array, ""]
+    impratio: Float[Array, ""]
+    tolerance: Float[Array, ""]
+    ls_tolerance: Float[Array, ""]
+    gravity: Float[Array, "3"]
+    wind: Float[Array, "3"]
+    magnetic: Float[Array, "3"]
+    density: Float[Array, ""]
+    viscosity: Float[Array, ""]
+    o_margin: Float[Array, ""]
+    o_solref: Float[Array, "2"]
+    o_solimp: Float[Array, "5"]
+    o_friction: Float[Array, "5"]
+    integrator: int = struct.field(pytree_node=False)
+    cone: int = struct.field(pytree_node=False)
+    solver: int = struct.field(pytree_node=False)
+    iterations: int = struct.field(pytree_node=False)
+    ls_iterations: int = struct.field(pytree_node=False)
+    disableflags: int = struct.field(pytree_node=False)
+    enableflags: int = struct.field(pytree_node=False)
+    disableactuator: int = struct.field(pytree_node=False)
+
+    def disabled(self, flag: int) -> bool:
+        """Whether a bit of `mujoco.mjtDisableBit` is set."""
+        return bool(self.disableflags & int(flag))
+
+    def enabled(self, flag: int) -> bool:
+        """Whether a bit of `mujoco.mjtEnableBit` is set."""
+        return bool(self.enableflags & int(flag))
+
+
+@struct.dataclass
+class Statistic:
+    """The statistics of the reference configuration that the physics uses."""
+
+    meaninertia: Float[Array, ""]
+    meanmass: Float[Array, ""]
+    extent: Float[Array, ""]
+
+
+@struct.dataclass
+class Model:
+    """A compiled model.
+
+    Change numbers with `model.replace(body_mass=...)`, or many at once by vmapping over a model
+    with a batch axis on some leaves; call `jaxsim.model.set_const` afterwards if masses, sizes or
+    poses changed. Every integer field of `mjModel` that the physics uses (`nq`, `jnt_type`,
+    `geom_bodyid`, ...) is an attribute too and is static.
+    """
+
+    structure: Structure = struct.field(pytree_node=False)
+    opt: Option
+    stat: Statistic
+    qpos0: Float[Array, "nq"]
+    qpos_spring: Float[Array, "nq"]
+    body_pos: Float[Array, "nbody 3"]
+    body_quat: Float[Array, "nbody 4"]
+    body_ipos: Float[Array, "nbody 3"]
+    body_iquat: Float[Array, "nbody 4"]
+    body_mass: Float[Array, "nbody"]
+    body_subtreemass: Float[Array, "nbody"]
+    body_inertia: Float[Array, "nbody 3"]
+    body_invweight0: Float[Array, "nbody 2"]
+    body_gravcomp: Float[Array, "nbody"]
+    jnt_solref: Float[Array, "njnt 2"]
+    jnt_solimp: Float[Array, "njnt 5"]
+    jnt_pos: Float[Array, "njnt 3"]
+    jnt_axis: Float[Array, "njnt 3"]
+    jnt_stiffness: Float[Array, "njnt"]
+    jnt_stiffnesspoly: Float[Array, "njnt npoly"]
+    jnt_range: Float[Array, "njnt 2"]
+    jnt_actfrcrange: Float[Array, "njnt 2"]
+    jnt_margin: Float[Array, "njnt"]
+    dof_solref: Float[Array, "nv 2"]
+    dof_solimp: Float[Array, "nv 5"]
+    dof_frictionloss: Float[Array, "nv"]
+    dof_armature: Float[Array, "nv"]
+    dof_damping: Float[Array, "nv"]
+    dof_dampingpoly: Float[Array, "nv npoly"]
+    dof_invweight0: Float[Array, "nv"]
+    dof_M0: Float[Array, "nv"]
+    geom_solmix: Float[Array, "ngeom"]
+    geom_solref: Float[Array, "ngeom 2"]
+    geom_solimp: Float[Array, "ngeom 5"]
+    geom_size: Float[Array, "ngeom 3"]
+    geom_rbound: Float[Array, "ngeom"]
+    geom_pos: Float[Array, "ngeom 3"]
+    geom_quat: Float[Array, "ngeom 4"]
+    geom_friction: Float[Array, "ngeom 3"]
+    geom_margin: Float[Array, "ngeom"]
+    geom_gap: Float[Array, "ngeom"]
+    site_size: Float[Array, "nsite 3"]
+    site_pos: Float[Array, "nsite 3"]
+    site_quat: Float[Array, "nsite 4"]
+    pair_solref: Float[Array, "npair 2"]
+    pair_solreffriction: Float[Array, "npair 2"]
+    pair_solimp: Float[Array, "npair 5"]
+    pair_margin: Float[Array, "npair"]
+    pair_gap: Float[Array, "npair"]
+    pair_friction: Float[Array, "npair 5"]
+    eq_solref: Float[Array, "neq 2"]
+    eq_solimp: Float[Array, "neq 5"]
+    eq_data: Float[Array, "neq 12"]
+    tendon_solref_lim: Float[Array, "ntendon 2"]
+    tendon_solimp_lim: Float[Array, "ntendon 5"]
+    tendon_solref_fri: Float[Array, "ntendon 2"]
+    tendon_solimp_fri: Float[Array, "ntendon 5"]
+    tendon_range: Float[Array, "ntendon 2"]
+    tendon_actfrcrange: Float[Array, "ntendon 2"]
+    tendon_margin: Float[Array, "ntendon"]
+    tendon_stiffness: Float[Array, "ntendon"]
+    tendon_stiffnesspoly: Float[Array, "ntendon npoly"]
+    tendon_damping: Float[Array, "ntendon"]
+    tendon_dampingpoly: Float[Array, "ntendon npoly"]
+    tendon_frictionloss: Float[Array, "ntendon"]
+    tendon_lengthspring: Float[Array, "ntendon 2"]
+    tendon_length0: Float[Array, "ntendon"]
+    tendon_invweight0: Float[Array, "ntendon"]
+    wrap_prm: Float[Array, "nwrap"]
+    actuator_dynprm: Float[Array, "nu 10"]
+    actuator_gainprm: Float[Array, "nu 10"]
+    actuator_biasprm: Float[Array, "nu 10"]
+    actuator_actrange: Float[Array, "nu 2"]
+    actuator_damping: Float[Array, "nu"]
+    actuator_dampingpoly: Float[Array, "nu npoly"]
+    actuator_armature: Float[Array, "nu"]
+    actuator_forcerange: Float[Array, "nu 2"]
+    actuator_ctrlrange: Float[Array, "nu 2"]
+    actuator_gear: Float[Array, "nu 6"]
+    actuator_acc0: Float[Array, "nu"]
+    actuator_length0: Float[Array, "nu"]
+    actuator_lengthrange: Float[Array, "nu 2"]
+    sensor_cutoff: Float[Array, "nsensor"]
+    key_time: Float[Array, "nkey"]
+    key_qpos: Float[Array, "nkey nq"]
+    key_qvel: Float[Array, "nkey nv"]
+    key_act: Float[Array, "nkey na"]
+    key_mpos: Float[Array, "nkey nmocap3"]
+    key_mquat: Float[Array, "nkey nmocap4"]
+    key_ctrl: Float[Array, "nkey nu"]
+
+    @property
+    def names(self) -> Names:
+        """Names of the model's elements."""
+        return self.structure.names
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            # Reached only for what is not a field: the static fields of the structure. A record
+            # that is being copied or unpickled has no structure yet.
+            if name.startswith("_") or "structure" not in self.__dict__:
+                raise AttributeError(name)
+            return getattr(self.__dict__["structure"], name)
+
+    else:
+
+        def __getattr__(self, name: str) -> Any: ...

@@ -1,0 +1,93 @@
+"""`State`: what an environment carries from one step to the next."""
+
+import jax.numpy as jnp
+from flax import struct
+from jaxtyping import Array, Float
+
+from jaxsim.model.model import Model
+
+
+@struct.dataclass
+class State:
+    """The state of one environment; layout and signs are MuJoCo's.
+
+    Nothing that can be recomputed is in here except `qacc_warmstart`, from which the next
+    constraint solve starts.
+
+    Attributes:
+      qpos: positions; quaternions are wxyz.
+      qvel: velocities, in the tangent space of `qpos`.
+      act: activations of actuators that have dynamics.
+      time: seconds.
+      qacc_warmstart: acceleration of the last step.
+      xfrc_applied: external (force, torque) on each body at its centre of mass, world axes.
+      qfrc_applied: external generalised forces.
+      mocap_pos: positions of the mocap bodies.
+      mocap_quat: orientations of the mocap bodies; normalised when used.
+    """
+
+    qpos: Float[Array, "nq"]
+    qvel: Float[Array, "nv"]
+    act: Float[Array, "na"]
+    time: Float[Array, ""]
+    qacc_warmstart: Float[Array, "nv"]
+    xfrc_applied: Float[Array, "nbody 6"]
+    qfrc_applied: Float[Array, "nv"]
+    mocap_pos: Float[Array, "nmocap 3"]
+    mocap_quat: Float[Array, "nmocap 4"]
+
+
+def make_state(model: Model, keyframe: int | str | None = None) -> State:
+    """The state at `qpos0` and at rest, or at a keyframe.
+
+    Args:
+      model: the model.
+      keyframe: index or name of one of the model's keyframes.
+
+    Returns:
+      A state of one environment; batches are made with `jax.vmap`.
+
+    Raises:
+      KeyError: no keyframe has this name.
+      IndexError: there is no keyframe with this index.
+      TypeError: the keyframe is neither an index nor a name.
+    """
+    dtype = model.qpos0.dtype
+    bodies = jnp.asarray(_mocap_bodies(model))
+    state = State(
+        qpos=jnp.asarray(model.qpos0),
+        qvel=jnp.zeros(model.nv, dtype),
+        act=jnp.zeros(model.na, dtype),
+        time=jnp.zeros((), dtype),
+        qacc_warmstart=jnp.zeros(model.nv, dtype),
+        xfrc_applied=jnp.zeros((model.nbody, 6), dtype),
+        qfrc_applied=jnp.zeros(model.nv, dtype),
+        mocap_pos=model.body_pos[bodies],
+        mocap_quat=model.body_quat[bodies],
+    )
+    if keyframe is None:
+        return state
+    k = _keyframe_index(model, keyframe)
+    return state.replace(
+        qpos=model.key_qpos[k],
+        qvel=model.key_qvel[k],
+        act=model.key_act[k],
+        time=model.key_time[k],
+        mocap_pos=model.key_mpos[k].reshape(-1, 3),
+        mocap_quat=model.key_mquat[k].reshape(-1, 4),
+    )
+
+
+def _mocap_bodies(model: Model) -> list[int]:
+    by_id = {int(m): b for b, m in enumerate(model.body_mocapid) if m >= 0}
+    return [by_id[m] for m in range(model.nmocap)]
+
+
+def _keyframe_index(model: Model, keyframe: int | str) -> int:
+    if isinstance(keyframe, str):
+        return model.names.id("key", keyframe)
+    if isinstance(keyframe, bool) or not hasattr(keyframe, "__index__"):
+        raise TypeError(f"keyframe must be an index or a name, got {type(keyframe).__name__}")
+    if not 0 <= int(keyframe) < model.nkey:
+        raise IndexError(f"the model has {model.nkey} keyframes, got keyframe {int(keyframe)}")
+    return int(keyframe)

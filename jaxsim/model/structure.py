@@ -1,0 +1,147 @@
+"""The static half of a model: every integer that decides a shape or a branch.
+
+`Structure` compares and hashes by content, so two models that differ only in numbers share one
+compilation.
+"""
+
+import functools
+import hashlib
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from jaxsim.model.names import Names
+from jaxsim.model.topology import Forest
+
+SIZES = (
+    "nq nv nu na nbody njnt ngeom nsite neq ntendon nwrap nsensor nsensordata nmocap nkey npair "
+    "nexclude ntree nactuator nout"
+).split()
+
+ARRAYS = (
+    "body_parentid body_rootid body_weldid body_mocapid body_jntnum body_jntadr body_dofnum "
+    "body_dofadr body_treeid body_geomnum body_geomadr body_contype body_conaffinity "
+    "jnt_type jnt_qposadr jnt_dofadr jnt_bodyid jnt_limited jnt_actfrclimited jnt_actgravcomp "
+    "jnt_actuatorid dof_bodyid dof_jntid dof_parentid dof_treeid "
+    "geom_type geom_contype geom_conaffinity geom_condim geom_bodyid geom_priority geom_dataid "
+    "site_type site_bodyid pair_dim pair_geom1 pair_geom2 exclude_signature "
+    "eq_type eq_obj1id eq_obj2id eq_objtype eq_active0 "
+    "tendon_adr tendon_num tendon_limited tendon_actfrclimited tendon_actuatorid wrap_type wrap_objid "
+    "actuator_trntype actuator_dyntype actuator_gaintype actuator_biastype actuator_trnid "
+    "actuator_actadr actuator_actnum actuator_actlimited actuator_actearly actuator_ctrllimited "
+    "actuator_forcelimited actuator_group "
+    "sensor_type sensor_datatype sensor_needstage sensor_objtype sensor_objid sensor_reftype "
+    "sensor_refid sensor_dim sensor_adr sensor_intprm"
+).split()
+
+JOINT_NDOF = {
+    int(mujoco.mjtJoint.mjJNT_FREE): 6,
+    int(mujoco.mjtJoint.mjJNT_BALL): 3,
+    int(mujoco.mjtJoint.mjJNT_SLIDE): 1,
+    int(mujoco.mjtJoint.mjJNT_HINGE): 1,
+}
+
+
+class Structure:
+    """Sizes, types, addresses, flags and names of a model, immutable and hashable.
+
+    Every field has MuJoCo's name and value; arrays are read-only numpy arrays. The link tree
+    (`tree`) and the body tree (`body_tree`) are derived from them.
+    """
+
+    def __init__(self, sizes: dict[str, int], arrays: dict[str, np.ndarray], names: Names, **extra: Any):
+        self._fields: dict[str, Any] = {**sizes, **arrays, **extra}
+        self.names = names
+        digest = hashlib.sha256(repr((sizes, sorted(extra.items()), names.key)).encode())
+        for name, value in arrays.items():
+            value.setflags(write=False)
+            digest.update(f"{name}{value.shape}{value.dtype}".encode() + value.tobytes())
+        self._digest = digest.digest()
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        try:
+            return self._fields[name]
+        except KeyError:
+            raise AttributeError(f"a model has no attribute {name!r}") from None
+
+    def __dir__(self):
+        return [*super().__dir__(), *self._fields]
+
+    def __hash__(self) -> int:
+        return hash(self._digest)
+
+    def __eq__(self, other) -> bool:
+        return isinstance(other, Structure) and self._digest == other._digest
+
+    def __repr__(self) -> str:
+        return f"Structure(nq={self.nq}, nv={self.nv}, nu={self.nu}, nbody={self.nbody})"
+
+    @functools.cached_property
+    def tree(self) -> Forest:
+        """The links: one per joint; kind is the joint's type."""
+        ndof = np.array([JOINT_NDOF[int(t)] for t in self.jnt_type], int)
+        return Forest(self._link_parent(), np.asarray(self.jnt_type, int), ndof)
+
+    @functools.cached_property
+    def body_tree(self) -> Forest:
+        """All bodies under the world, which is its root."""
+        parent = np.asarray(self.body_parentid, int).copy()
+        parent[0] = -1
+        return Forest(parent)
+
+    @functools.cached_property
+    def weld_tree(self) -> Forest:
+        """Bodies cut at joints and mocap bodies: what is left moves rigidly with its root."""
+        parent = np.asarray(self.body_parentid, int).copy()
+        parent[(self.body_jntnum > 0) | (self.body_mocapid >= 0)] = -1
+        parent[0] = -1
+        return Forest(parent)
+
+    @functools.cached_property
+    def body_carrier(self) -> np.ndarray:
+        """(nbody,) the body at the root of each body's weld: jointed, mocap or the world."""
+        forest = self.weld_tree
+        return forest.order[forest.root[forest.position]]
+
+    @functools.cached_property
+    def body_link(self) -> np.ndarray:
+        """(nbody,) link (in tree order) that carries each body; -1: world or mocap."""
+        carrier = self.body_carrier
+        last = self.body_jntadr[carrier] + self.body_jntnum[carrier] - 1
+        moving = self.body_jntnum[carrier] > 0
+        return np.where(moving, self.tree.position[np.where(moving, last, 0)] if self.njnt else -1, -1)
+
+    @functools.cached_property
+    def link_first(self) -> np.ndarray:
+        """(njnt,) in tree order: whether the link's joint is the first one of its body."""
+        joints = self.tree.order
+        return np.asarray(self.body_jntadr[self.jnt_bodyid[joints]] == joints)
+
+    @functools.cached_property
+    def dof_order(self) -> np.ndarray:
+        """(nv,) MuJoCo's index of each degree of freedom in tree order."""
+        starts = self.jnt_dofadr[self.tree.order]
+        parts = [s + np.arange(n) for s, n in zip(starts, self.tree.ndof, strict=True)]
+        return np.concatenate([np.zeros(0, int), *parts]).astype(int)
+
+    @functools.cached_property
+    def dof_position(self) -> np.ndarray:
+        """(nv,) tree-order index of each of MuJoCo's degrees of freedom."""
+        return np.argsort(self.dof_order)
+
+    def _link_parent(self) -> np.ndarray:
+        """(njnt,) joint that carries each joint, -1 at the root of a tree."""
+        parent = np.full(self.njnt, -1, int)
+        carrier = self.body_carrier
+        for j in range(self.njnt):
+            body = self.jnt_bodyid[j]
+            if j > self.body_jntadr[body]:
+                parent[j] = j - 1
+                continue
+            above = carrier[self.body_parentid[body]]
+            if self.body_jntnum[above] > 0:
+                parent[j] = self.body_jntadr[above] + self.body_jntnum[above] - 1
+        return parent
