@@ -1,22 +1,20 @@
 """Settings and fixtures of the whole suite: strict JAX, two CPU devices, MuJoCo as the oracle."""
 
 import os
-
-os.environ.setdefault("JAX_PLATFORMS", "cpu")
-
-import jax
-
-# Broadcasting between arrays of different rank is nearly always a mistake in code without batch axes.
-jax.config.update("jax_numpy_rank_promotion", "raise")
-# Two devices even on one core, so that whatever shards a batch is really tested.
-jax.config.update("jax_num_cpu_devices", 2)
-
 from importlib import resources
 
+import jax
 import mujoco
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
+
+if "JAX_PLATFORMS" not in os.environ:
+    jax.config.update("jax_platforms", "cpu")
+# Broadcasting between arrays of different rank is nearly always a mistake in code for one item.
+jax.config.update("jax_numpy_rank_promotion", "raise")
+# Two devices even on one core, so that whatever shards a batch is really tested.
+jax.config.update("jax_num_cpu_devices", 2)
 
 # Compilation makes the first example slow, so a deadline says nothing; examples are reproducible.
 settings.register_profile(

@@ -1,0 +1,191 @@
+"""`jaxsim simulate`: many copies of one model on all devices, with a progress bar and a report."""
+
+import argparse
+import contextlib
+import dataclasses
+import os
+import time
+from collections.abc import Callable
+
+import jax
+import jax.numpy as jnp
+import rich
+import rich.console
+import rich.progress
+import rich.table
+from jax.sharding import NamedSharding, PartitionSpec
+
+import jaxsim
+from jaxsim.cli import UsageError
+
+
+@dataclasses.dataclass(frozen=True)
+class Result:
+    """What a run leaves: the last states and how long things took, in seconds."""
+
+    states: jaxsim.State
+    devices: int
+    compile_time: float
+    run_time: float
+    diverged: int
+    first_bad_step: int | None
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Load the model, simulate, report; returns the exit status."""
+    one_device_per_core()
+    model, state = _load(arguments)
+    result = simulate(model, state, arguments)
+    rich.print(_report(model, result, arguments))
+    if result.diverged:
+        rich.console.Console(stderr=True, soft_wrap=True).print(_remedy(model, result, arguments))
+    return int(result.diverged > 0)
+
+
+def one_device_per_core() -> None:
+    """Make every CPU core a device; XLA's own threads are slower than separate devices here."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    # A program that called us after its first use of JAX keeps the devices that it has.
+    with contextlib.suppress(RuntimeError):
+        jax.config.update("jax_num_cpu_devices", cores)
+
+
+def simulate(model: jaxsim.Model, state: jaxsim.State, arguments: argparse.Namespace) -> Result:
+    """Step all environments, a chunk at a time, and watch for those that diverge."""
+    devices = _devices(arguments.envs)
+    start = time.perf_counter()
+    keys, states = _initial(state, arguments, devices)
+    advance = compile_chunk(model, arguments.ctrl, devices, states, keys)
+    compile_time = time.perf_counter() - start
+
+    done, first_bad_step, diverged = 0, None, 0
+    start = time.perf_counter()
+    with _progress() as progress:
+        task = progress.add_task(f"{arguments.envs} x", total=arguments.steps, speed="")
+        while done < arguments.steps:
+            count = min(arguments.chunk, arguments.steps - done)
+            states, keys, bad = advance(states, keys, jnp.asarray(count, jnp.int32))
+            done, diverged = done + count, int(bad.sum())
+            if diverged and first_bad_step is None:
+                first_bad_step = done
+            speed = done * arguments.envs / (time.perf_counter() - start)
+            progress.update(task, completed=done, speed=f"{speed:,.0f} steps/s")
+    run_time = time.perf_counter() - start
+    return Result(states, len(devices), compile_time, run_time, diverged, first_bad_step)
+
+
+def compile_chunk(model, ctrl: str, devices, states, keys) -> Callable:
+    """Compile `(states, keys, count) -> (states, keys, diverged)`, sharded over the devices."""
+
+    def advance(state, key, count):
+        key, draw = jax.random.split(key)
+        control = _control(model, ctrl, draw)
+        state = jax.lax.fori_loop(0, count, lambda _, s: jaxsim.step(model, s, control), state)
+        return state, key, ~(jnp.isfinite(state.qpos).all() & jnp.isfinite(state.qvel).all())
+
+    batch, every = PartitionSpec("batch"), PartitionSpec()
+    mapped = jax.shard_map(
+        jaxsim.vmap(advance, in_axes=(0, 0, None)),
+        mesh=jax.sharding.Mesh(devices, ("batch",)),
+        in_specs=(batch, batch, every),
+        out_specs=batch,
+        check_vma=False,
+    )
+    on_cpu = devices[0].platform == "cpu"
+    options = {"xla_cpu_multi_thread_eigen": False} if on_cpu else None
+    count = jax.ShapeDtypeStruct((), jnp.int32)
+    return jax.jit(mapped, compiler_options=options).lower(states, keys, count).compile()
+
+
+def _control(model, ctrl: str, key):
+    if ctrl == "zero" or model.nu == 0:
+        return jnp.zeros(model.nu, model.qpos0.dtype)
+    limited = jnp.asarray(model.actuator_ctrllimited)
+    low = jnp.where(limited, model.actuator_ctrlrange[:, 0], -1)
+    high = jnp.where(limited, model.actuator_ctrlrange[:, 1], 1)
+    return low + (high - low) * jax.random.uniform(key, (model.nu,), model.qpos0.dtype)
+
+
+def _load(arguments: argparse.Namespace) -> tuple[jaxsim.Model, jaxsim.State]:
+    try:
+        model = jaxsim.load(arguments.model)
+        state = jaxsim.make_state(model, arguments.keyframe)
+    except (OSError, ValueError, KeyError) as error:
+        raise UsageError(error.args[0] if isinstance(error, KeyError) else error) from error
+    if arguments.timestep:
+        timestep = jnp.asarray(arguments.timestep, model.opt.timestep.dtype)
+        model = model.replace(opt=model.opt.replace(timestep=timestep))
+    return model, state
+
+
+def _devices(envs: int) -> list:
+    """As many devices as divide the batch evenly."""
+    devices = jax.devices()
+    return devices[: max(n for n in range(1, len(devices) + 1) if envs % n == 0)]
+
+
+def _initial(state: jaxsim.State, arguments: argparse.Namespace, devices):
+    """Random keys and states of all environments; velocities differ, positions do not."""
+    sharding = NamedSharding(jax.sharding.Mesh(devices, ("batch",)), PartitionSpec("batch"))
+    keys = jax.random.split(jax.random.key(arguments.seed), arguments.envs + 1)
+
+    def one(key):
+        noise = 0.01 * jax.random.normal(key, state.qvel.shape, state.qvel.dtype)
+        return state.replace(qvel=state.qvel + noise)
+
+    states = jax.jit(jax.vmap(one))(jax.random.split(keys[0], arguments.envs))
+    return jax.device_put((keys[1:], states), sharding)
+
+
+def _progress() -> rich.progress.Progress:
+    return rich.progress.Progress(
+        rich.progress.TextColumn("{task.description}"),
+        rich.progress.MofNCompleteColumn(),
+        rich.progress.BarColumn(),
+        rich.progress.TextColumn("{task.fields[speed]}"),
+        rich.progress.TimeRemainingColumn(),
+        console=rich.console.Console(stderr=True),
+    )
+
+
+def _report(model, result: Result, arguments: argparse.Namespace) -> rich.table.Table:
+    total = arguments.envs * arguments.steps
+    speed = total / result.run_time
+    sizes = f"nq {model.nq}, nv {model.nv}, nu {model.nu}"
+    platform = jax.default_backend()
+    rows = {
+        "model": f"{arguments.model} ({sizes})",
+        "environments": f"{arguments.envs:,} on {result.devices} {platform} device(s)",
+        "steps each": f"{arguments.steps:,} of {float(model.opt.timestep):g} s",
+        "compile time": f"{result.compile_time:.1f} s",
+        "run time": f"{result.run_time:.2f} s",
+        "steps per second": f"{speed:,.0f}",
+        "simulated per second": f"{speed * float(model.opt.timestep):,.0f} s",
+        "mean kinetic energy": f"{_kinetic_energy(model, result.states):.4g} J",
+        "diverged environments": f"{result.diverged:,}",
+    }
+    table = rich.table.Table(show_header=False, box=None)
+    table.add_column(style="bold", no_wrap=True)
+    table.add_column()
+    for name, value in rows.items():
+        table.add_row(name, value)
+    return table
+
+
+def _kinetic_energy(model, states: jaxsim.State) -> float:
+    """Mean over the environments that did not diverge."""
+
+    def one(state):
+        mass = jaxsim.mass_matrix(model, state.qpos)
+        return 0.5 * state.qvel @ (mass @ state.qvel)
+
+    return float(jnp.nanmean(jax.jit(jax.vmap(one))(states)))
+
+
+def _remedy(model, result: Result, arguments: argparse.Namespace) -> str:
+    half = float(model.opt.timestep) / 2
+    return (
+        f"{result.diverged} of {arguments.envs} environments diverged, the first before step "
+        f"{result.first_bad_step}: try a shorter time step (--timestep {half:g}), smaller controls "
+        "(--ctrl zero), or more joint damping or armature in the model."
+    )
