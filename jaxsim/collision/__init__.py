@@ -1,0 +1,23 @@
+"""Collision detection: shape pairs, candidate pairs of a model, contact parameters, detection."""
+
+from jaxsim.collision.candidates import Candidates, PairGroup, find_candidates
+from jaxsim.collision.contact import Block, Contact
+from jaxsim.collision.detect import detect
+from jaxsim.collision.parameters import contact_parameters
+from jaxsim.collision.shapes import INACTIVE, Contacts, Shape
+from jaxsim.collision.table import PAIRS, PairFunction
+
+__all__ = [
+    "INACTIVE",
+    "PAIRS",
+    "Block",
+    "Candidates",
+    "Contact",
+    "Contacts",
+    "PairFunction",
+    "PairGroup",
+    "Shape",
+    "contact_parameters",
+    "detect",
+    "find_candidates",
+]

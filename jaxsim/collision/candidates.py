@@ -1,0 +1,237 @@
+"""Which geom pairs may touch: MuJoCo's static filters, applied once when a model is built.
+
+The rules are those of MuJoCo 3.17 (chapter "Computation", section "Collision detection"): dynamic
+pairs must pass the bit masks of `contype` and `conaffinity`, must not be welded together, must not
+both be unable to move, must not be parent and child, and must not be excluded; explicit `<pair>`s
+bypass all but the two laws of motion (no relative motion, no contact). Host-side numpy throughout.
+"""
+
+import dataclasses
+import itertools
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from jaxsim.collision.contact import Block
+from jaxsim.collision.table import HFIELD, PAIRS, PLANE, supported_pairs, type_name
+from jaxsim.model.errors import ModelError
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class PairGroup:
+    """Candidate pairs that share a pair function and a condim; all arrays are (n,) and static.
+
+    Attributes:
+      types: the two types of geom, the lower number first.
+      condim: dimension of the contacts.
+      geom1: first geom of each pair.
+      geom2: second geom of each pair.
+      pair: index of the explicit <pair>, -1 for dynamic pairs.
+    """
+
+    types: tuple[int, int]
+    condim: int
+    geom1: np.ndarray
+    geom2: np.ndarray
+    pair: np.ndarray
+
+    @property
+    def slots_per_pair(self) -> int:
+        """Number of contact slots of each pair."""
+        return PAIRS[self.types].max_contacts
+
+    def __len__(self) -> int:
+        return len(self.geom1)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Candidates:
+    """The candidate pairs of a model and the budget for them.
+
+    Attributes:
+      groups: ordered by condim, then by types.
+      max_geom_pairs: exact geometry is evaluated for this many pairs of a group; None means all.
+      max_contacts: this many contact slots are kept for each condim; None means all.
+    """
+
+    groups: tuple[PairGroup, ...]
+    max_geom_pairs: int | None = None
+    max_contacts: int | None = None
+
+    @property
+    def dynamic(self) -> bool:
+        """Whether slots are assigned at run time, because there are more pairs than the budget."""
+        return any(self._pairs(g) < len(g) for g in self.groups) or any(
+            self._slots(groups) < self._available(groups) for _, groups in self.by_condim()
+        )
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """The blocks of contact slots, one for each condim."""
+        sizes = [(condim, self._slots(groups)) for condim, groups in self.by_condim()]
+        stops = np.cumsum([size for _, size in sizes], dtype=int).tolist()
+        return tuple(Block(c, stop - n, stop) for (c, n), stop in zip(sizes, stops, strict=True))
+
+    @property
+    def ncon(self) -> int:
+        """Number of contact slots."""
+        return sum(self._slots(groups) for _, groups in self.by_condim())
+
+    def by_condim(self) -> list[tuple[int, list[PairGroup]]]:
+        """The groups of each condim, in increasing order."""
+        runs = itertools.groupby(self.groups, key=lambda g: g.condim)
+        return [(condim, list(groups)) for condim, groups in runs]
+
+    def _pairs(self, group: PairGroup) -> int:
+        return min(len(group), len(group) if self.max_geom_pairs is None else self.max_geom_pairs)
+
+    def _available(self, groups: list[PairGroup]) -> int:
+        return sum(self._pairs(g) * g.slots_per_pair for g in groups)
+
+    def _slots(self, groups: list[PairGroup]) -> int:
+        available = self._available(groups)
+        return available if self.max_contacts is None else min(available, self.max_contacts)
+
+
+def find_candidates(
+    model: Any, max_geom_pairs: int | None = None, max_contacts: int | None = None
+) -> Candidates:
+    """All geom pairs of a model that could ever generate a contact force.
+
+    Args:
+      model: a `Model`, a `mujoco.MjModel`, or anything with their fields.
+      max_geom_pairs: upper limit on the pairs per group whose exact geometry is evaluated.
+      max_contacts: upper limit on the contact slots kept for each condim.
+
+    Returns:
+      The pairs in a deterministic order.
+
+    Raises:
+      ModelError: a pair of geoms may touch but no function handles their types, or a limit is not
+        positive.
+    """
+    for name, limit in (("max_geom_pairs", max_geom_pairs), ("max_contacts", max_contacts)):
+        if limit is not None and limit < 1:
+            raise ModelError(f"{name} must be a positive number or None, got {limit}")
+    rows = candidate_pairs(model)
+    _check_supported(model, rows)
+    return Candidates(_grouped(model, rows), max_geom_pairs, max_contacts)
+
+
+def candidate_pairs(model: Any) -> np.ndarray:
+    """The pairs that pass MuJoCo's static filters, whether or not their shapes are supported.
+
+    Returns:
+      (n, 3) rows of first geom, second geom (of higher or equal type) and explicit pair or -1.
+    """
+    flags = int(mujoco.mjtDisableBit.mjDSBL_CONTACT) | int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    if int(model.opt.disableflags) & flags:
+        return np.zeros((0, 3), int)
+    rows = np.concatenate([_explicit_pairs(model), _dynamic_pairs(model)])
+    return _ordered_by_type(model, rows)
+
+
+def _explicit_pairs(model: Any) -> np.ndarray:
+    """Rows (geom1, geom2, pair) of the explicit pairs whose geoms can move against each other."""
+    rows = np.stack(
+        [np.asarray(model.pair_geom1), np.asarray(model.pair_geom2), np.arange(model.npair)], axis=1
+    ).astype(int)
+    return rows[_can_move(model, rows[:, 0], rows[:, 1])]
+
+
+def _dynamic_pairs(model: Any) -> np.ndarray:
+    """Rows (geom1, geom2, -1) of the pairs that pass every filter and are not explicit."""
+    geom1, geom2 = np.triu_indices(model.ngeom, k=1)
+    keep = _can_move(model, geom1, geom2)
+    keep &= _masks_match(model, geom1, geom2)
+    keep &= ~_parent_and_child(model, geom1, geom2)
+    keep &= ~_excluded(model, geom1, geom2)
+    keep &= ~_explicit(model, geom1, geom2)
+    rows = np.stack([geom1, geom2, np.full_like(geom1, -1)], axis=1)
+    return rows[keep]
+
+
+def _weld(model: Any, geom: np.ndarray) -> np.ndarray:
+    """Topmost body to which each geom's body is welded; 0 is the world."""
+    return np.asarray(model.body_weldid)[np.asarray(model.geom_bodyid)[geom]]
+
+
+def _can_move(model: Any, geom1: np.ndarray, geom2: np.ndarray) -> np.ndarray:
+    """Not welded together, and not both without degrees of freedom (world, static or mocap)."""
+    weld1, weld2 = _weld(model, geom1), _weld(model, geom2)
+    dofs = np.asarray(model.body_dofnum)
+    return (weld1 != weld2) & ((dofs[weld1] > 0) | (dofs[weld2] > 0))
+
+
+def _masks_match(model: Any, geom1: np.ndarray, geom2: np.ndarray) -> np.ndarray:
+    contype, conaffinity = np.asarray(model.geom_contype), np.asarray(model.geom_conaffinity)
+    return ((contype[geom1] & conaffinity[geom2]) | (contype[geom2] & conaffinity[geom1])) != 0
+
+
+def _parent_and_child(model: Any, geom1: np.ndarray, geom2: np.ndarray) -> np.ndarray:
+    """Whether one body is the other's parent, up to welds; the world is nobody's parent here."""
+    if int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT):
+        return np.zeros(geom1.shape, bool)
+    weld1, weld2 = _weld(model, geom1), _weld(model, geom2)
+    weld_parent = np.asarray(model.body_weldid)[np.asarray(model.body_parentid)]
+    related = (weld1 == weld_parent[weld2]) | (weld2 == weld_parent[weld1])
+    return related & (weld1 != 0) & (weld2 != 0)
+
+
+def _excluded(model: Any, geom1: np.ndarray, geom2: np.ndarray) -> np.ndarray:
+    bodies = np.sort(np.asarray(model.geom_bodyid)[np.stack([geom1, geom2])], axis=0).astype(int)
+    return np.isin((bodies[0] << 16) + bodies[1], np.asarray(model.exclude_signature))
+
+
+def _explicit(model: Any, geom1: np.ndarray, geom2: np.ndarray) -> np.ndarray:
+    ends = np.sort(np.stack([model.pair_geom1, model.pair_geom2]).astype(int), axis=0)
+    return np.isin(geom1 * model.ngeom + geom2, ends[0] * model.ngeom + ends[1])
+
+
+def _ordered_by_type(model: Any, rows: np.ndarray) -> np.ndarray:
+    """Swap the geoms so that the lower type comes first; drop pairs that MuJoCo never collides."""
+    types = np.asarray(model.geom_type)[rows[:, :2]]
+    swapped = np.where((types[:, 0] > types[:, 1])[:, None], rows[:, [1, 0, 2]], rows)
+    unbounded = np.isin(types, (PLANE, HFIELD)).all(axis=1)
+    return swapped[~unbounded]
+
+
+def _check_supported(model: Any, rows: np.ndarray) -> None:
+    for geom1, geom2, _ in rows:
+        types = tuple(int(model.geom_type[g]) for g in (geom1, geom2))
+        if types not in PAIRS:
+            raise ModelError(
+                f"{_label(model, geom1)} ({type_name(types[0])}) and {_label(model, geom2)} "
+                f"({type_name(types[1])}) may collide, but the supported pairs of shapes are "
+                f"{supported_pairs()}; set contype and conaffinity to 0 on one of them or add an "
+                "<exclude> for their bodies"
+            )
+
+
+def _label(model: Any, geom: int) -> str:
+    if isinstance(model, mujoco.MjModel):
+        name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_GEOM, int(geom))
+        return f"geom {name!r}" if name else f"geom number {geom}"
+    return model.names.label("geom", int(geom))
+
+
+def _condim(model: Any, rows: np.ndarray) -> np.ndarray:
+    """That of the explicit pair, of the geom with the higher priority, or the larger of the two."""
+    geom1, geom2, pair = rows.T
+    condim, priority = np.asarray(model.geom_condim), np.asarray(model.geom_priority)
+    largest = np.maximum(condim[geom1], condim[geom2])
+    result = np.where(priority[geom1] > priority[geom2], condim[geom1], largest)
+    result = np.where(priority[geom1] < priority[geom2], condim[geom2], result)
+    result[pair >= 0] = np.asarray(model.pair_dim)[pair[pair >= 0]]
+    return result
+
+
+def _grouped(model: Any, rows: np.ndarray) -> tuple[PairGroup, ...]:
+    types = np.asarray(model.geom_type)[rows[:, :2]]
+    keys = sorted(zip(_condim(model, rows).tolist(), types.tolist(), rows.tolist(), strict=True))
+    groups = []
+    for (condim, pair_types), members in itertools.groupby(keys, key=lambda k: (k[0], tuple(k[1]))):
+        geom1, geom2, pair = np.array([row for _, _, row in members]).T
+        groups.append(PairGroup(pair_types, condim, geom1, geom2, pair))
+    return tuple(groups)

@@ -1,0 +1,70 @@
+"""`Contact`: everything that the constraint solver needs to know about the contacts."""
+
+import dataclasses
+
+import numpy as np
+from flax import struct
+from jaxtyping import Array, Bool, Float, Int
+
+
+@dataclasses.dataclass(frozen=True)
+class Block:
+    """Contact slots `start:stop`, which all have the same dimension `condim`."""
+
+    condim: int
+    start: int
+    stop: int
+
+    @property
+    def slots(self) -> slice:
+        """The block as a slice of the contact arrays."""
+        return slice(self.start, self.stop)
+
+
+@struct.dataclass
+class Contact:
+    """Contact slots of one environment, with MuJoCo's names.
+
+    The number of slots is fixed by the model; a slot generates force only where `active`.
+
+    Attributes:
+      dist: signed distance between the surfaces.
+      pos: contact point in the world.
+      frame: rows are the normal, from geom1 to geom2, and two tangents.
+      includemargin: a contact is active below this distance.
+      friction: two tangential, one torsional and two rolling coefficients.
+      solref: reference of the normal direction.
+      solreffriction: reference of the friction directions; zeros mean that `solref` is used.
+      solimp: impedance.
+      geom1: first geom. A numpy array (static) when every candidate has its own slots, traced when
+        slots are assigned at run time.
+      geom2: second geom, likewise.
+      pair: index of the explicit <pair> that made the contact, -1 for the others, likewise.
+      overflow: number of contacts that did not fit into the slots; may also count contacts that a
+        bounding volume could not rule out, so 0 guarantees that nothing was lost.
+      blocks: consecutive blocks of slots of equal condim.
+    """
+
+    dist: Float[Array, "nc"]
+    pos: Float[Array, "nc 3"]
+    frame: Float[Array, "nc 3 3"]
+    includemargin: Float[Array, "nc"]
+    friction: Float[Array, "nc 5"]
+    solref: Float[Array, "nc 2"]
+    solreffriction: Float[Array, "nc 2"]
+    solimp: Float[Array, "nc 5"]
+    geom1: Int[Array, "nc"] | np.ndarray
+    geom2: Int[Array, "nc"] | np.ndarray
+    pair: Int[Array, "nc"] | np.ndarray
+    overflow: Int[Array, ""]
+    blocks: tuple[Block, ...] = struct.field(pytree_node=False)
+
+    @property
+    def active(self) -> Bool[Array, "nc"]:
+        """Slots that generate force: closer than the margin. The gap plays no part."""
+        return self.dist < self.includemargin
+
+    @property
+    def condim(self) -> np.ndarray:
+        """Dimension of each slot (static)."""
+        return np.repeat([b.condim for b in self.blocks], [b.stop - b.start for b in self.blocks])

@@ -1,0 +1,139 @@
+"""All contacts of an environment, from the poses of its geoms.
+
+Few candidates: every pair has its own slots, nothing is sorted, and geom ids are static. Many
+candidates (see `Candidates.dynamic`): the pairs that could be closest get the exact geometry, the
+deepest contacts get the slots, and geom ids are traced. Both return the same record.
+"""
+
+import dataclasses
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Float, Int
+
+from jaxsim.collision.bounds import distance_bound
+from jaxsim.collision.candidates import Candidates, PairGroup
+from jaxsim.collision.contact import Contact
+from jaxsim.collision.parameters import contact_margin, contact_parameters, detection_distance
+from jaxsim.collision.rows import Index, rows
+from jaxsim.collision.shapes import Contacts, Shape
+from jaxsim.collision.table import PAIRS
+
+
+@dataclasses.dataclass
+class _Slots:
+    """Contact slots under construction: geometry, and the pair to which each slot belongs."""
+
+    contacts: Contacts
+    geom1: Index
+    geom2: Index
+    pair: Index
+
+
+def detect(
+    model: Any,
+    candidates: Candidates,
+    geom_xpos: Float[Array, "ngeom 3"],
+    geom_xmat: Float[Array, "ngeom 3 3"],
+) -> Contact:
+    """Evaluate the candidate pairs of a model.
+
+    Args:
+      model: gives `geom_size` and the contact parameters.
+      candidates: the pairs, from `find_candidates`.
+      geom_xpos: positions of the geoms, world frame.
+      geom_xmat: orientations of the geoms, geom to world.
+
+    Returns:
+      Contacts in `candidates.ncon` slots, ordered by condim. Distances, positions and frames are
+      differentiable with respect to poses and sizes, parameters with respect to the model.
+    """
+    shapes = Shape(geom_xpos, geom_xmat, jnp.asarray(model.geom_size, geom_xpos.dtype))
+    parts, overflow = [], jnp.zeros((), int)
+    for block, (_, groups) in zip(candidates.blocks, candidates.by_condim(), strict=True):
+        found = [_evaluate(model, g, shapes, candidates.max_geom_pairs) for g in groups]
+        slots, lost = _deepest(model, _joined([s for s, _ in found]), block.stop - block.start)
+        overflow = overflow + lost + sum(n for _, n in found)
+        parts.append(slots)
+    slots = _joined(parts) if parts else _empty(geom_xpos.dtype)
+    values = contact_parameters(model, slots.geom1, slots.geom2, slots.pair)
+    return Contact(
+        **_fields(slots.contacts),
+        **_fields(values),
+        geom1=slots.geom1,
+        geom2=slots.geom2,
+        pair=slots.pair,
+        overflow=overflow,
+        blocks=candidates.blocks,
+    )
+
+
+def _evaluate(
+    model: Any, group: PairGroup, shapes: Shape, max_pairs: int | None
+) -> tuple[_Slots, Int[Array, ""] | int]:
+    """Exact geometry of a group's pairs, and how many that were left out might be in contact."""
+    ids, lost = (group.geom1, group.geom2, group.pair), 0
+    if max_pairs is not None and max_pairs < len(group):
+        ids, lost = _closest(model, group, shapes, max_pairs)
+    entry = PAIRS[group.types]
+    reach = detection_distance(model, *ids).astype(shapes.pos.dtype)
+    contacts = jax.vmap(entry.function)(_take(shapes, ids[0]), _take(shapes, ids[1]), reach)
+    flat = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), contacts)
+    return _Slots(flat, *(i.repeat(entry.max_contacts) for i in ids)), lost
+
+
+def _closest(model: Any, group: PairGroup, shapes: Shape, count: int):
+    """The pairs of a group that could be deepest inside their margin."""
+    ids = group.geom1, group.geom2, group.pair
+    bound = jax.vmap(lambda a, b: distance_bound(group.types, a, b))
+    # Which pairs are chosen has no derivative, and the bound has none at coincident centres.
+    first, second = (lax.stop_gradient(_take(shapes, i)) for i in ids[:2])
+    excess = bound(first, second) - lax.stop_gradient(contact_margin(model, *ids))
+    largest, chosen = lax.top_k(-excess, count)
+    lost = jnp.sum(excess < 0) - jnp.sum(largest > 0)
+    return tuple(jnp.asarray(i)[chosen] for i in ids), lost
+
+
+def _deepest(model: Any, slots: _Slots, count: int) -> tuple[_Slots, Int[Array, ""] | int]:
+    """The `count` slots deepest inside their margin, and how many active ones were left out."""
+    dist = slots.contacts.dist
+    if len(dist) <= count:
+        return slots, 0
+    margin = contact_margin(model, slots.geom1, slots.geom2, slots.pair)
+    excess = lax.stop_gradient(dist - margin.astype(dist.dtype))
+    largest, chosen = lax.top_k(-excess, count)
+    kept = _Slots(
+        jax.tree.map(lambda x: x[chosen], slots.contacts),
+        *(jnp.asarray(i)[chosen] for i in (slots.geom1, slots.geom2, slots.pair)),
+    )
+    return kept, jnp.sum(excess < 0) - jnp.sum(largest > 0)
+
+
+def _joined(parts: list[_Slots]) -> _Slots:
+    contacts = jax.tree.map(lambda *x: jnp.concatenate(x), *[p.contacts for p in parts])
+    return _Slots(contacts, *(_join_ids([getattr(p, n) for p in parts]) for n in _IDS))
+
+
+_IDS = ("geom1", "geom2", "pair")
+
+
+def _join_ids(ids: list[Index]) -> Index:
+    # Static ids stay static, so that the solver can choose its structure from them.
+    static = all(isinstance(i, np.ndarray) for i in ids)
+    return np.concatenate(ids) if static else jnp.concatenate(ids)
+
+
+def _empty(dtype) -> _Slots:
+    contacts = Contacts(jnp.zeros(0, dtype), jnp.zeros((0, 3), dtype), jnp.zeros((0, 3, 3), dtype))
+    return _Slots(contacts, *(np.zeros(0, int) for _ in _IDS))
+
+
+def _take(shapes: Shape, index: Index) -> Shape:
+    return jax.tree.map(lambda x: rows(x, index), shapes)
+
+
+def _fields(record) -> dict[str, Any]:
+    return {f.name: getattr(record, f.name) for f in dataclasses.fields(record)}

@@ -1,0 +1,1 @@
+"""Shape against shape: one function per pair, one file per family."""

@@ -1,0 +1,78 @@
+"""An infinite plane against a sphere, capsule, ellipsoid, cylinder or box.
+
+The normal n is the plane's third axis and points away from the solid half-space. A point x of the
+other shape has distance n . (x - p), p any point of the plane; the contact lies half-way between x
+and the plane. Which points x are kept is MuJoCo's choice (`engine_collision_primitive.c`).
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxsim.collision.frames import direction, frame_along, frame_of_normal
+from jaxsim.collision.shapes import Contacts, Shape
+
+
+def plane_sphere(plane: Shape, sphere: Shape, _reach: Float[Array, ""]) -> Contacts:
+    """One contact, at the sphere's lowest point."""
+    lowest = sphere.pos - plane.axis * sphere.size[0]
+    return _at_points(plane, lowest[None], frame_of_normal(plane.axis))
+
+
+def plane_capsule(plane: Shape, capsule: Shape, _reach: Float[Array, ""]) -> Contacts:
+    """Two contacts, one for each end's sphere; the first tangent follows the capsule's axis."""
+    half = capsule.axis * capsule.size[1]
+    lowest = capsule.pos - plane.axis * capsule.size[0]
+    points = jnp.stack([lowest + half, lowest - half])
+    return _at_points(plane, points, frame_along(plane.axis, capsule.axis))
+
+
+def plane_ellipsoid(plane: Shape, ellipsoid: Shape, _reach: Float[Array, ""]) -> Contacts:
+    """One contact, at the support point: with S = diag(size), x = -S S m / |S m|, m = R^T n."""
+    scaled = ellipsoid.size * (ellipsoid.mat.T @ plane.axis)
+    lowest = -ellipsoid.size * scaled / jnp.sqrt(scaled @ scaled)
+    point = ellipsoid.pos + ellipsoid.mat @ lowest
+    return _at_points(plane, point[None], frame_of_normal(plane.axis))
+
+
+def plane_cylinder(plane: Shape, cylinder: Shape, _reach: Float[Array, ""]) -> Contacts:
+    """Four contacts: the lowest points of both caps, and two more on the rim of the lower cap.
+
+    The three points of the lower cap form an equilateral triangle. A standing cylinder has no
+    lowest rim point; its first point is then along its own x axis.
+    """
+    radius, half_length = cylinder.size[0], cylinder.size[1]
+    rising = plane.axis @ cylinder.axis > 0
+    down = jnp.where(rising, -cylinder.axis, cylinder.axis)
+    radial, _ = direction(down * (plane.axis @ down) - plane.axis, cylinder.mat[:, 0])
+    rim = radial * radius
+    side = jnp.cross(radial, down) * (radius * np.sqrt(3.0).item() / 2)
+    lower, upper = cylinder.pos + down * half_length, cylinder.pos - down * half_length
+    points = jnp.stack([lower + rim, upper + rim, lower - rim / 2 + side, lower - rim / 2 - side])
+    return _at_points(plane, points, frame_of_normal(plane.axis))
+
+
+# One corner of each of a box's four diagonals; the other end is its opposite.
+_DIAGONALS = np.array([[1, 1, 1], [1, 1, -1], [1, -1, 1], [1, -1, -1]])
+
+
+def plane_box(plane: Shape, box: Shape, _reach: Float[Array, ""]) -> Contacts:
+    """Four contacts, at the corners below the box's centre.
+
+    Exactly one end of each diagonal is below the centre, so no sorting is needed. Where a diagonal
+    is exactly level MuJoCo may keep both of its ends; here it is one.
+    """
+    normal = box.mat.T @ plane.axis
+    corners = jnp.asarray(_DIAGONALS, normal.dtype) * box.size[None]
+    lower = jnp.where((corners @ normal)[:, None] > 0, -corners, corners)
+    points = box.pos[None] + lower @ box.mat.T
+    return _at_points(plane, points, frame_of_normal(plane.axis))
+
+
+def _at_points(plane: Shape, points: Float[Array, "k 3"], frame: Float[Array, "3 3"]) -> Contacts:
+    def contact(x):
+        dist = plane.axis @ (x - plane.pos)
+        return dist, x - plane.axis * (dist / 2), frame
+
+    return Contacts(*jax.vmap(contact)(points))

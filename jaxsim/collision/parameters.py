@@ -1,0 +1,169 @@
+"""Parameters of a contact from those of its two geoms, or of its explicit pair.
+
+MuJoCo 3.17, chapter "Computation", section "Contact parameters". The margin of a contact is the sum
+of its geoms' margins: below it the contact is active, and there its constraint is not violated yet.
+The gap widens detection only: MuJoCo lists contacts between margin and margin + gap, which generate
+no force.
+"""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+from flax import struct
+from jaxtyping import Array, Float, Int
+
+from jaxsim.collision.rows import Index, rows
+
+# MuJoCo's mjMINMU and mjMINVAL.
+MIN_FRICTION = 1e-5
+MIN_SOLMIX = 1e-15
+
+
+@struct.dataclass
+class Surface:
+    """The contact parameters of one geom."""
+
+    friction: Float[Array, "3"]
+    solref: Float[Array, "2"]
+    solimp: Float[Array, "5"]
+    solmix: Float[Array, ""]
+    priority: Int[Array, ""]
+
+
+@struct.dataclass
+class Parameters:
+    """The contact parameters of one contact, as in `mjContact`."""
+
+    includemargin: Float[Array, ""]
+    friction: Float[Array, "5"]
+    solref: Float[Array, "2"]
+    solreffriction: Float[Array, "2"]
+    solimp: Float[Array, "5"]
+
+
+def contact_parameters(model: Any, geom1: Index, geom2: Index, pair: Index) -> Parameters:
+    """Parameters of contacts between geoms.
+
+    Args:
+      model: a `Model`, a `mujoco.MjModel`, or anything with their fields.
+      geom1: (n,) first geoms; numpy if static, or traced.
+      geom2: (n,) second geoms.
+      pair: (n,) explicit pairs, -1 for none.
+
+    Returns:
+      Parameters with a leading axis n; differentiable with respect to the model's leaves.
+    """
+    surfaces = _surfaces(model, geom1), _surfaces(model, geom2)
+    friction, solref, solimp = jax.vmap(mix)(*surfaces)
+    values = Parameters(
+        includemargin=contact_margin(model, geom1, geom2, pair),
+        friction=friction[:, np.array([0, 0, 1, 2, 2])],
+        solref=solref,
+        solreffriction=jnp.zeros_like(solref),
+        solimp=solimp,
+    )
+    values = _with_pairs(model, values, pair)
+    if _overridden(model):
+        values = _with_override(model, values)
+    return values.replace(friction=jnp.maximum(values.friction, MIN_FRICTION))
+
+
+def contact_margin(model: Any, geom1: Index, geom2: Index, pair: Index) -> Float[Array, "n"]:
+    """Distance below which contacts are active: the geoms' sum, or the explicit pair's margin."""
+    margin = rows(model.geom_margin, geom1) + rows(model.geom_margin, geom2)
+    if _overridden(model):
+        return jnp.full_like(margin, model.opt.o_margin)
+    return _choose(model, pair, model.pair_margin, margin)
+
+
+def detection_distance(model: Any, geom1: Index, geom2: Index, pair: Index) -> Float[Array, "n"]:
+    """Distance below which MuJoCo lists contacts: margin plus gap."""
+    gap = rows(model.geom_gap, geom1) + rows(model.geom_gap, geom2)
+    gap = _choose(model, pair, model.pair_gap, gap)
+    return contact_margin(model, geom1, geom2, pair) + gap
+
+
+def mix(
+    first: Surface, second: Surface
+) -> tuple[Float[Array, "3"], Float[Array, "2"], Float[Array, "5"]]:
+    """Friction, solref and solimp of two surfaces in contact.
+
+    The surface of higher priority decides alone. At equal priority friction is the larger one,
+    element by element, and `w first + (1 - w) second`, `w = solmix1 / (solmix1 + solmix2)`, gives
+    solimp and solref; if a solref is in the direct format (stiffness and damping, negative numbers)
+    the smaller one is used instead.
+    """
+    weight = mixing_weight(first.solmix, second.solmix)
+    mixed = weight * first.solref + (1 - weight) * second.solref
+    standard = (first.solref[0] > 0) & (second.solref[0] > 0)
+    solref = jnp.where(standard, mixed, jnp.minimum(first.solref, second.solref))
+    solimp = weight * first.solimp + (1 - weight) * second.solimp
+    friction = jnp.maximum(first.friction, second.friction)
+
+    def decide(equal, one, two):
+        result = jnp.where(first.priority > second.priority, one, equal)
+        return jnp.where(first.priority < second.priority, two, result)
+
+    return (
+        decide(friction, first.friction, second.friction),
+        decide(solref, first.solref, second.solref),
+        decide(solimp, first.solimp, second.solimp),
+    )
+
+
+def mixing_weight(solmix1: Float[Array, ""], solmix2: Float[Array, ""]) -> Float[Array, ""]:
+    """Weight of the first of two surfaces; a vanishing solmix loses, two of them draw."""
+    none1, none2 = solmix1 < MIN_SOLMIX, solmix2 < MIN_SOLMIX
+    regular = ~none1 & ~none2
+    ratio = jnp.where(regular, solmix1, 1.0) / jnp.where(regular, solmix1 + solmix2, 1.0)
+    return jnp.where(regular, ratio, jnp.where(none1 & none2, 0.5, jnp.where(none1, 0.0, 1.0)))
+
+
+def _surfaces(model: Any, geom: Index) -> Surface:
+    return Surface(
+        friction=rows(model.geom_friction, geom),
+        solref=rows(model.geom_solref, geom),
+        solimp=rows(model.geom_solimp, geom),
+        solmix=rows(model.geom_solmix, geom),
+        priority=rows(model.geom_priority, geom),
+    )
+
+
+def _with_pairs(model: Any, values: Parameters, pair: Index) -> Parameters:
+    return values.replace(
+        friction=_choose(model, pair, model.pair_friction, values.friction),
+        solref=_choose(model, pair, model.pair_solref, values.solref),
+        solreffriction=_choose(model, pair, model.pair_solreffriction, values.solreffriction),
+        solimp=_choose(model, pair, model.pair_solimp, values.solimp),
+    )
+
+
+def _overridden(model: Any) -> bool:
+    return bool(int(model.opt.enableflags) & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE))
+
+
+def _with_override(model: Any, values: Parameters) -> Parameters:
+    """Every contact gets the options `o_*`; its `solreffriction` becomes `o_solref` too."""
+    return values.replace(
+        friction=_everywhere(model.opt.o_friction, values.friction),
+        solref=_everywhere(model.opt.o_solref, values.solref),
+        solreffriction=_everywhere(model.opt.o_solref, values.solref),
+        solimp=_everywhere(model.opt.o_solimp, values.solimp),
+    )
+
+
+def _everywhere(value: Float[Array, "k"], like: Float[Array, "n k"]) -> Float[Array, "n k"]:
+    return jnp.broadcast_to(jnp.asarray(value, like.dtype)[None], like.shape)
+
+
+def _choose(model: Any, pair: Index, of_pairs, of_geoms):
+    """Rows of `of_pairs` where there is an explicit pair, else of `of_geoms`."""
+    explicit = pair >= 0
+    if model.npair == 0 or (isinstance(pair, np.ndarray) and not explicit.any()):
+        return of_geoms
+    chosen = rows(of_pairs, pair.clip(0))
+    explicit = jnp.asarray(explicit).reshape((-1,) + (1,) * (of_geoms.ndim - 1))
+    return jnp.where(explicit, chosen, of_geoms)

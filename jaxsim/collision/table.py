@@ -1,0 +1,59 @@
+"""Which function handles which pair of shape types.
+
+To support another pair, write a function `(first, second, reach) -> Contacts` under `pairs/` and
+add a line here. The lower type number (`mujoco.mjtGeom`) comes first, as in MuJoCo.
+"""
+
+import dataclasses
+from collections.abc import Callable
+
+import mujoco
+from jaxtyping import Array, Float
+
+from jaxsim.collision.pairs.capsule import capsule_capsule, sphere_capsule, sphere_sphere
+from jaxsim.collision.pairs.plane import (
+    plane_box,
+    plane_capsule,
+    plane_cylinder,
+    plane_ellipsoid,
+    plane_sphere,
+)
+from jaxsim.collision.shapes import Contacts, Shape
+
+PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)
+HFIELD = int(mujoco.mjtGeom.mjGEOM_HFIELD)
+SPHERE = int(mujoco.mjtGeom.mjGEOM_SPHERE)
+CAPSULE = int(mujoco.mjtGeom.mjGEOM_CAPSULE)
+ELLIPSOID = int(mujoco.mjtGeom.mjGEOM_ELLIPSOID)
+CYLINDER = int(mujoco.mjtGeom.mjGEOM_CYLINDER)
+BOX = int(mujoco.mjtGeom.mjGEOM_BOX)
+
+
+@dataclasses.dataclass(frozen=True)
+class PairFunction:
+    """A function of two shapes and the number of contact slots that it fills."""
+
+    function: Callable[[Shape, Shape, Float[Array, ""]], Contacts]
+    max_contacts: int
+
+
+PAIRS: dict[tuple[int, int], PairFunction] = {
+    (PLANE, SPHERE): PairFunction(plane_sphere, 1),
+    (PLANE, CAPSULE): PairFunction(plane_capsule, 2),
+    (PLANE, ELLIPSOID): PairFunction(plane_ellipsoid, 1),
+    (PLANE, CYLINDER): PairFunction(plane_cylinder, 4),
+    (PLANE, BOX): PairFunction(plane_box, 4),
+    (SPHERE, SPHERE): PairFunction(sphere_sphere, 1),
+    (SPHERE, CAPSULE): PairFunction(sphere_capsule, 1),
+    (CAPSULE, CAPSULE): PairFunction(capsule_capsule, 2),
+}
+
+
+def type_name(geom_type: int) -> str:
+    """MJCF's word for a type number: `type_name(3) == "capsule"`."""
+    return mujoco.mjtGeom(int(geom_type)).name.removeprefix("mjGEOM_").lower()
+
+
+def supported_pairs() -> str:
+    """The pairs of the table in words, for messages."""
+    return ", ".join(f"{type_name(a)}-{type_name(b)}" for a, b in PAIRS)
