@@ -52,30 +52,35 @@ def one_device_per_core() -> None:
 
 def simulate(model: jaxsim.Model, state: jaxsim.State, arguments: argparse.Namespace) -> Result:
     """Step all environments, a chunk at a time, and watch for those that diverge."""
-    devices = _devices(arguments.envs)
+    mesh = jax.sharding.Mesh(_devices(arguments.envs), ("batch",))
+    advance = compiled_chunk(model, arguments.ctrl, mesh)
+    states, keys = _initial(state, arguments, mesh)
     start = time.perf_counter()
-    keys, states = _initial(state, arguments, devices)
-    advance = compile_chunk(model, arguments.ctrl, devices, states, keys)
+    states, keys, _ = jax.block_until_ready(advance(states, keys, 0))
     compile_time = time.perf_counter() - start
 
-    done, first_bad_step, diverged = 0, None, 0
+    done, diverged, first_bad_step = 0, 0, None
     start = time.perf_counter()
     with _progress() as progress:
         task = progress.add_task(f"{arguments.envs} x", total=arguments.steps, speed="")
         while done < arguments.steps:
             count = min(arguments.chunk, arguments.steps - done)
-            states, keys, bad = advance(states, keys, jnp.asarray(count, jnp.int32))
+            states, keys, bad = advance(states, keys, count)
             done, diverged = done + count, int(bad.sum())
             if diverged and first_bad_step is None:
                 first_bad_step = done
             speed = done * arguments.envs / (time.perf_counter() - start)
             progress.update(task, completed=done, speed=f"{speed:,.0f} steps/s")
     run_time = time.perf_counter() - start
-    return Result(states, len(devices), compile_time, run_time, diverged, first_bad_step)
+    return Result(states, mesh.size, compile_time, run_time, diverged, first_bad_step)
 
 
-def compile_chunk(model, ctrl: str, devices, states, keys) -> Callable:
-    """Compile `(states, keys, count) -> (states, keys, diverged)`, sharded over the devices."""
+def compiled_chunk(model: jaxsim.Model, ctrl: str, mesh: jax.sharding.Mesh) -> Callable:
+    """The function `(states, keys, count) -> (states, keys, diverged)`, over all devices.
+
+    It takes `count` steps of every environment; the number is not known when it is compiled, so
+    that a shorter last chunk costs no second compilation, and a chunk of no steps warms it up.
+    """
 
     def advance(state, key, count):
         key, draw = jax.random.split(key)
@@ -83,18 +88,20 @@ def compile_chunk(model, ctrl: str, devices, states, keys) -> Callable:
         state = jax.lax.fori_loop(0, count, lambda _, s: jaxsim.step(model, s, control), state)
         return state, key, ~(jnp.isfinite(state.qpos).all() & jnp.isfinite(state.qvel).all())
 
-    batch, every = PartitionSpec("batch"), PartitionSpec()
+    batch = PartitionSpec("batch")
     mapped = jax.shard_map(
         jaxsim.vmap(advance, in_axes=(0, 0, None)),
-        mesh=jax.sharding.Mesh(devices, ("batch",)),
-        in_specs=(batch, batch, every),
+        mesh=mesh,
+        in_specs=(batch, batch, PartitionSpec()),
         out_specs=batch,
         check_vma=False,
     )
-    on_cpu = devices[0].platform == "cpu"
+    # XLA's own threads inside small kernels cost more than they give; devices are our threads.
+    on_cpu = mesh.devices[0].platform == "cpu"
     options = {"xla_cpu_multi_thread_eigen": False} if on_cpu else None
-    count = jax.ShapeDtypeStruct((), jnp.int32)
-    return jax.jit(mapped, compiler_options=options).lower(states, keys, count).compile()
+    # Said explicitly, or arrays of size zero come back unsplit and the next call compiles again.
+    split = NamedSharding(mesh, batch)
+    return jax.jit(mapped, out_shardings=split, compiler_options=options)
 
 
 def _control(model, ctrl: str, key):
@@ -124,17 +131,17 @@ def _devices(envs: int) -> list:
     return devices[: max(n for n in range(1, len(devices) + 1) if envs % n == 0)]
 
 
-def _initial(state: jaxsim.State, arguments: argparse.Namespace, devices):
-    """Random keys and states of all environments; velocities differ, positions do not."""
-    sharding = NamedSharding(jax.sharding.Mesh(devices, ("batch",)), PartitionSpec("batch"))
-    keys = jax.random.split(jax.random.key(arguments.seed), arguments.envs + 1)
+def _initial(state: jaxsim.State, arguments: argparse.Namespace, mesh: jax.sharding.Mesh):
+    """States and random keys of all environments; velocities differ, positions do not."""
+    split = NamedSharding(mesh, PartitionSpec("batch"))
 
     def one(key):
-        noise = 0.01 * jax.random.normal(key, state.qvel.shape, state.qvel.dtype)
-        return state.replace(qvel=state.qvel + noise)
+        velocity, control = jax.random.split(key)
+        noise = 0.01 * jax.random.normal(velocity, state.qvel.shape, state.qvel.dtype)
+        return state.replace(qvel=state.qvel + noise), control
 
-    states = jax.jit(jax.vmap(one))(jax.random.split(keys[0], arguments.envs))
-    return jax.device_put((keys[1:], states), sharding)
+    keys = jax.random.split(jax.random.key(arguments.seed), arguments.envs)
+    return jax.jit(jax.vmap(one), out_shardings=split)(keys)
 
 
 def _progress() -> rich.progress.Progress:
