@@ -46,7 +46,7 @@ class Inertia:
         Raises:
             ValueError: a shape is wrong.
         """
-        shapes = tuple(map(jnp.shape, (mass, com, inertia_at_com)))
+        shapes = tuple(map(np.shape, (mass, com, inertia_at_com)))
         if shapes != ((), (3,), (3, 3)):
             raise ValueError(f"mass, com, inertia have shapes (), (3,), (3, 3), not {shapes}")
         com, inertia_at_com = jnp.asarray(com), jnp.asarray(inertia_at_com)

@@ -43,8 +43,8 @@ class Pose:
             ValueError: the shape is not (4, 4); or ``T`` is a list or a NumPy array, not a JAX
                 array, and is not the matrix of a rigid displacement.
         """
-        if jnp.shape(T) != (4, 4):
-            raise ValueError(f"the matrix of a pose has shape (4, 4), not {jnp.shape(T)}")
+        if np.shape(T) != (4, 4):
+            raise ValueError(f"the matrix of a pose has shape (4, 4), not {np.shape(T)}")
         if isinstance(T, list | tuple | np.ndarray):
             _check_displacement(np.asarray(T))
         T = jnp.asarray(T)

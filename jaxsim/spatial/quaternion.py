@@ -10,6 +10,7 @@ quaternion where :func:`quat_normalize` and :func:`quat_log` accept it.
 """
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsim.spatial.series import cos_half, horner, sinc_half
@@ -22,7 +23,7 @@ _ARCTANGENT = (1.0, -1 / 3, 1 / 5, -1 / 7, 1 / 9, -1 / 11, 1 / 13, -1 / 15)
 
 
 def quat_mul(a: Float[Array, "4"], b: Float[Array, "4"]) -> Float[Array, "4"]:
-    """Hamilton product: ``q_AC = quat_mul(q_AB, q_BC)``."""
+    """Hamilton product, ``q_AC = q_AB q_BC``."""
     aw, ax, ay, az = a
     bw, bx, by, bz = b
     return jnp.stack(
@@ -41,13 +42,13 @@ def quat_conj(q: Float[Array, "4"]) -> Float[Array, "4"]:
 
 
 def quat_rotate(q: Float[Array, "4"], v: Float[Array, "3"]) -> Float[Array, "3"]:
-    """Rotate a vector: ``v_A = quat_rotate(q_AB, v_B)``, that is ``v + 2 u x (w v + u x v)``."""
+    """Components in A of a vector given in B, from ``q_AB``: ``v + 2 u x (q_w v + u x v)``."""
     u = q[1:]
     return v + 2 * jnp.cross(u, q[0] * v + jnp.cross(u, v))
 
 
 def quat_inv_rotate(q: Float[Array, "4"], v: Float[Array, "3"]) -> Float[Array, "3"]:
-    """Rotate a vector back: ``v_B = quat_inv_rotate(q_AB, v_A)``."""
+    """Components in B of a vector given in A, from ``q_AB``; inverts :func:`quat_rotate`."""
     return quat_rotate(quat_conj(q), v)
 
 
@@ -145,8 +146,8 @@ def quat_from_matrix(R: Float[Array, "3 3"]) -> Float[Array, "4"]:
     Raises:
         ValueError: the shape is not (3, 3).
     """
-    if jnp.shape(R) != (3, 3):
-        raise ValueError(f"a rotation matrix has shape (3, 3), not {jnp.shape(R)}")
+    if np.shape(R) != (3, 3):
+        raise ValueError(f"a rotation matrix has shape (3, 3), not {np.shape(R)}")
     rows = _outer_product_rows(jnp.asarray(R))
     row, largest = rows[0], rows[0][0]
     for i in (1, 2, 3):

@@ -1,6 +1,7 @@
 """Rotation matrices: the group SO(3) and its algebra of skew-symmetric matrices."""
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsim.spatial.quaternion import quat_exp, quat_from_matrix, quat_log, quat_to_matrix
@@ -19,8 +20,8 @@ def unskew(S: Float[Array, "3 3"]) -> Float[Array, "3"]:
     Raises:
         ValueError: the shape is not (3, 3).
     """
-    if jnp.shape(S) != (3, 3):
-        raise ValueError(f"a skew-symmetric matrix has shape (3, 3), not {jnp.shape(S)}")
+    if np.shape(S) != (3, 3):
+        raise ValueError(f"a skew-symmetric matrix has shape (3, 3), not {np.shape(S)}")
     return 0.5 * jnp.stack([S[2, 1] - S[1, 2], S[0, 2] - S[2, 0], S[1, 0] - S[0, 1]])
 
 

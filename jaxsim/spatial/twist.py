@@ -29,7 +29,7 @@ from jaxsim.spatial.so3 import skew
 
 
 def adjoint(X: Pose) -> Float[Array, "6 6"]:
-    """Ad of a pose, ``[[R, 0], [p x R, R]]``: twists from B to A, ``V_A = adjoint(X_AB) V_B``."""
+    """Ad of a pose, ``[[R, 0], [p x R, R]]``; from ``X_AB`` it maps twists in B to twists in A."""
     R = quat_to_matrix(X.quat)
     return _blocks(R, jnp.zeros_like(R), skew(X.pos) @ R, R)
 
@@ -44,7 +44,7 @@ def coadjoint(X: Pose) -> Float[Array, "6 6"]:
 
 
 def ad(V: Float[Array, "6"]) -> Float[Array, "6 6"]:
-    """ad of a twist, ``[[omega x, 0], [v x, omega x]]``: the derivative of Ad at the identity."""
+    """Derivative of Ad at the identity along a twist, ``[[omega x, 0], [v x, omega x]]``."""
     w, v = skew(V[:3]), skew(V[3:])
     return _blocks(w, jnp.zeros_like(w), v, w)
 
