@@ -1,0 +1,178 @@
+"""The parameters of JAX's higher-order primitives, read in this one place.
+
+They are no public interface and their names move between releases (jax 0.12 renamed those
+of `scan`), so every form is detected by its features, never by a version number. A form we
+do not know reads as None: the caller then falls back to `jax.vmap` of that primitive, which
+is slower and just as right, and `warn_unknown` says so once.
+"""
+
+import functools
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+from jax.extend import core as jex
+
+
+@dataclass(frozen=True)
+class Program:
+    """A traced function: equations, and the constants it closed over."""
+
+    jaxpr: Any
+    consts: tuple
+
+
+@dataclass(frozen=True)
+class Scan:
+    """`lax.scan`: operands are constants, then carry, then scanned arrays."""
+
+    body: Program
+    num_consts: int
+    num_carry: int
+    options: dict
+
+
+@dataclass(frozen=True)
+class While:
+    """`lax.while_loop`: operands are the condition's constants, the body's, then the carry."""
+
+    cond: Program
+    body: Program
+    num_cond_consts: int
+    num_body_consts: int
+
+
+@dataclass(frozen=True)
+class Cond:
+    """`lax.cond` and `lax.switch`: operands are the branch index, then the branches' own."""
+
+    branches: tuple[Program, ...]
+
+
+@dataclass(frozen=True)
+class Jit:
+    """A call of a jitted function, which may be inlined."""
+
+    body: Program
+    name: str
+
+
+@dataclass(frozen=True)
+class Remat:
+    """`jax.checkpoint`, before or after its differentiation."""
+
+    body: Program
+
+
+@dataclass(frozen=True)
+class Custom:
+    """A call of a function with a derivative of its own ("jvp" or "vjp")."""
+
+    body: Program
+    kind: str
+
+
+def program(jaxpr) -> Program:
+    """Accept an open jaxpr, a closed one, or the one type that jax 0.12 has for both."""
+    return Program(getattr(jaxpr, "jaxpr", jaxpr), tuple(getattr(jaxpr, "consts", ())))
+
+
+def _scan(p):
+    counts = (
+        [len(group) for group in p["ft_in"].unpack()]
+        if "ft_in" in p
+        else [p["num_consts"], p["num_carry"]]
+    )
+    options = {k: p[k] for k in ("length", "reverse", "unroll")}
+    return Scan(program(p["jaxpr"]), counts[0], counts[1], options)
+
+
+def _while(p):
+    return While(
+        program(p["cond_jaxpr"]), program(p["body_jaxpr"]), p["cond_nconsts"], p["body_nconsts"]
+    )
+
+
+def _cond(p):
+    if p.get("branches_platforms") is not None:  # the index is the platform, not a value
+        return None
+    return Cond(tuple(program(b) for b in p["branches"]))
+
+
+_READERS: dict[str, Callable[[dict], Any]] = {
+    "scan": _scan,
+    "while": _while,
+    "cond": _cond,
+    "jit": lambda p: Jit(program(p["jaxpr"]), p["name"]),
+    "pjit": lambda p: Jit(program(p["jaxpr"]), p["name"]),
+    "closed_call": lambda p: Jit(program(p["call_jaxpr"]), "closed_call"),
+    "remat2": lambda p: Remat(program(p["jaxpr"])),
+    "checkpoint": lambda p: Remat(program(p["jaxpr"])),
+    "custom_jvp_call": lambda p: Custom(program(p["call_jaxpr"]), "jvp"),
+    "custom_vjp_call": lambda p: Custom(program(p["call_jaxpr"]), "vjp"),
+}
+
+
+def read(eqn):
+    """The form of a higher-order equation, or None for an ordinary or an unknown one."""
+    reader = _READERS.get(eqn.primitive.name)
+    if reader is None:
+        return None
+    try:
+        return reader(eqn.params)
+    except (KeyError, AttributeError, TypeError, ValueError, IndexError):
+        warn_unknown(eqn.primitive.name)
+        return None
+
+
+@functools.cache
+def warn_unknown(name: str) -> None:
+    """Say, once for each primitive, that its parameters were not understood."""
+    warnings.warn(
+        f"jaxsim.vmap does not know how this JAX release ({jax.__version__}) stores {name}; "
+        "it uses jax.vmap for it, which is slower",
+        stacklevel=2,
+    )
+
+
+def rebind(eqn) -> Callable:
+    """The equation as a function of all its operands, with its custom rules in force."""
+    operands = [v for v in eqn.invars if not isinstance(v, jex.Literal)]
+    unique = list(dict.fromkeys(operands))
+    keep = [eqn.invars.index(v) for v in unique]
+    jaxpr = _jaxpr(unique, eqn.outvars, [eqn], eqn.effects)
+    call = jex.jaxpr_as_fun(jex.ClosedJaxpr(jaxpr, ()))
+    return lambda *values: call(*[values[i] for i in keep])
+
+
+def open_program(traced) -> tuple[Any, tuple]:
+    """A jaxpr whose constants have become its first operands, and these constants."""
+    jaxpr, consts = traced.jaxpr, tuple(traced.consts)
+    if consts:
+        invars = [*jaxpr.constvars, *jaxpr.invars]
+        jaxpr = _jaxpr(invars, jaxpr.outvars, jaxpr.eqns, jaxpr.effects)
+    return jaxpr, consts
+
+
+def _jaxpr(invars, outvars, eqns, effects):
+    names = ("",) * len(invars), ("",) * len(outvars)
+    return jex.Jaxpr(
+        (), invars, outvars, eqns, effects, jex.DebugInfo("vmap", "jaxsim.vmap", *names)
+    )
+
+
+def element(value, axis: int | None) -> jax.ShapeDtypeStruct:
+    """The type of one element of a value along `axis`, or of the value itself for None."""
+    kind = jax.typeof(value)
+    shape = list(kind.shape)
+    if axis is not None:
+        del shape[axis]
+    fields: dict[str, Any] = {"weak_type": getattr(kind, "weak_type", False)}
+    for name in ("vma", "manual_axis_type"):  # what shard_map tracks: two names of one thing
+        varying: Sequence | None = getattr(kind, name, None)
+        if varying:
+            fields[name] = varying
+            break
+    return jax.ShapeDtypeStruct(tuple(shape), kind.dtype, **fields)

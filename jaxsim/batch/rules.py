@@ -1,0 +1,148 @@
+"""How each first-order primitive acts on arrays whose last axis is the batch.
+
+A rule takes the lanes, the traced equation, its operands and which of them are batched, and
+returns the results, all batched; None means "not this form", and `jax.vmap` of the primitive
+takes over. Most primitives name their axes from the front, so a trailing axis needs little.
+"""
+
+from collections.abc import Callable, Sequence
+
+from jax import lax
+import jax.numpy as jnp
+
+from jaxsim.batch import contract, index, linalg
+
+
+def fit(value, flag: bool, shape: Sequence[int]):
+    """Broadcast an operand to a full shape whose last axis is the batch.
+
+    Scalars stay scalars where no lane axis is at stake: primitives accept them.
+    """
+    rank = jnp.ndim(value)
+    if jnp.shape(value) == tuple(shape) and flag or rank == 0:
+        return value
+    axes = [*range(rank - 1), len(shape) - 1] if flag else range(rank)
+    return lax.broadcast_in_dim(value, tuple(shape), axes)
+
+
+def elementwise(lanes, eqn, values, flags):
+    """Same shapes in, the same shape out."""
+    shape = (*eqn.outvars[0].aval.shape, lanes.size)
+    values = [fit(v, f, shape) for v, f in zip(values, flags, strict=True)]
+    return bind(eqn, *values)
+
+
+def clamp(lanes, eqn, values, flags):
+    """Bounds are scalars or of full shape; a batched one makes both full."""
+    shape = (*eqn.outvars[0].aval.shape, lanes.size)
+    low, x, high = (fit(v, f, shape) for v, f in zip(values, flags, strict=True))
+    x = lanes.materialise(x, jnp.ndim(x) == len(shape))
+    bounds = [low, high]
+    if any(jnp.ndim(b) for b in bounds):
+        bounds = [lax.broadcast_in_dim(b, shape, range(len(shape)) if jnp.ndim(b) else ())
+                  for b in bounds]
+    return bind(eqn, bounds[0], x, bounds[1])
+
+
+def same_axes(lanes, eqn, values, flags):
+    """Primitives whose parameters name axes from the front: reductions, sorts, scans."""
+    return bind(eqn, *_all(lanes, values, flags))
+
+
+def bitcast(lanes, eqn, values, flags):
+    """Elementwise between types of one width; between others a minor axis comes or goes."""
+    if eqn.invars[0].aval.ndim != eqn.outvars[0].aval.ndim:
+        return None
+    return bind(eqn, *values)
+
+
+def broadcast_in_dim(lanes, eqn, values, flags):
+    """Appends the lane axis to the result and maps the operand's onto it."""
+    p = eqn.params
+    shape, axes = tuple(p["shape"]), tuple(p["broadcast_dimensions"])
+    if p.get("sharding") is not None or len(values) > 1:
+        return None
+    return [lax.broadcast_in_dim(values[0], (*shape, lanes.size), (*axes, len(shape)))]
+
+
+def reshape(lanes, eqn, values, flags):
+    """The lane axis is not touched."""
+    p = eqn.params
+    if p.get("sharding") is not None or p.get("dimensions") is not None or len(values) > 1:
+        return None
+    return [lax.reshape(values[0], (*p["new_sizes"], lanes.size))]
+
+
+def transpose(lanes, eqn, values, flags):
+    """The lane axis stays last."""
+    order = tuple(eqn.params["permutation"])
+    return [lax.transpose(values[0], (*order, len(order)))]
+
+
+def slice_(lanes, eqn, values, flags):
+    """Every lane is kept."""
+    p = eqn.params
+    strides = p["strides"] and (*p["strides"], 1)
+    start, limit = (*p["start_indices"], 0), (*p["limit_indices"], lanes.size)
+    return [lax.slice(values[0], start, limit, strides)]
+
+
+def pad(lanes, eqn, values, flags):
+    """With a padding value for each lane: pad with zeros, then select."""
+    x = lanes.materialise(values[0], flags[0])
+    config = (*eqn.params["padding_config"], (0, 0, 0))
+    if not flags[1]:
+        return [lax.pad(x, values[1], config)]
+    inside = lax.pad(jnp.ones(x.shape, bool), False, config)
+    x = lax.pad(x, jnp.zeros((), x.dtype), config)
+    return [lax.select(inside, x, fit(values[1], True, x.shape) if x.ndim > 1 else values[1])]
+
+
+def bind(eqn, *values) -> list:
+    """The primitive itself, parameters unchanged."""
+    results = eqn.primitive.bind(*values, **eqn.params)
+    return list(results) if eqn.primitive.multiple_results else [results]
+
+
+def _all(lanes, values, flags) -> list:
+    return [lanes.materialise(v, f) for v, f in zip(values, flags, strict=True)]
+
+
+ELEMENTWISE = """
+abs acos acosh add add_any and asin asinh atan atan2 atanh bessel_i0e bessel_i1e cbrt ceil clz
+complex conj convert_element_type copy copy_p cos cosh digamma div eq eq_to erf erf_inv erfc exp
+exp2 expm1 floor ge gt igamma igamma_grad_a igammac imag integer_pow is_finite le le_to lgamma log
+log1p log2 logistic lt lt_to max min mul mulhi name ne neg nextafter not one_minus_square or
+polygamma population_count pow real reduce_precision regularized_incomplete_beta rem round rsqrt
+select_n shift_left shift_right_arithmetic shift_right_logical sign sin sinh sqrt square
+stop_gradient sub tan tanh xor zeta
+""".split()
+
+SAME_AXES = """
+argmax argmin concatenate cumlogsumexp cummax cummin cumprod cumsum expand_dims
+optimization_barrier reduce_and reduce_max reduce_min reduce_or reduce_prod reduce_sum reduce_xor
+rev sort split squeeze
+""".split()
+
+RULES: dict[str, Callable] = {
+    **dict.fromkeys(ELEMENTWISE, elementwise),
+    **dict.fromkeys(SAME_AXES, same_axes),
+    "bitcast_convert_type": bitcast,
+    "broadcast_in_dim": broadcast_in_dim,
+    "clamp": clamp,
+    "pad": pad,
+    "reshape": reshape,
+    "slice": slice_,
+    "transpose": transpose,
+    "dot_general": contract.dot_general,
+    "cholesky": linalg.cholesky,
+    "triangular_solve": linalg.triangular_solve,
+    "gather": index.gather,
+    "dynamic_slice": index.dynamic_slice,
+    "dynamic_update_slice": index.dynamic_update_slice,
+    **dict.fromkeys(
+        ("scatter", "scatter-add", "scatter_add", "scatter-mul", "scatter_mul", "scatter-min",
+         "scatter_min", "scatter-max", "scatter_max", "scatter-sub", "scatter_sub"),
+        index.scatter,
+    ),
+}  # fmt: skip
