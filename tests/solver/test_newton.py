@@ -1,0 +1,184 @@
+"""Newton's method: agreement with MuJoCo, optimality, termination."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxsim.solver import DenseOperator, Problem, Unilateral, solve
+
+SCENES = [("elliptic", d, r) for d in (1, 3, 4, 6) for r in (1.0, 5.0)] + [
+    ("pyramidal", d, 1.0) for d in (1, 3, 4, 6)
+]
+
+
+def relative(a, b):
+    return np.abs(np.asarray(a) - b).max() / max(1.0, np.abs(b).max())
+
+
+@pytest.mark.parametrize(("cone", "condim", "impratio"), SCENES)
+def test_agrees_with_mujoco(x64, scene, solve_tight, cone, condim, impratio):
+    case = scene(cone, condim, impratio)
+    solution = solve_tight(case.problem, case.operator, case.x_smooth, case.x_warm)
+    forces = case.problem.forces(case.operator.rows(solution.y))
+    assert relative(solution.x, case.qacc) < 1e-6
+    for ours, theirs in zip(forces, case.forces, strict=True):
+        np.testing.assert_allclose(ours, theirs, atol=1e-6 * max(1, np.abs(theirs).max(initial=0)))
+    np.testing.assert_allclose(solution.status.cost, case.cost, rtol=1e-9)
+    assert case.scale * solution.status.residual < 1e-12
+    assert solution.status.iterations < 30
+
+
+@pytest.mark.parametrize(("cone", "condim", "impratio"), SCENES)
+def test_float32_agrees_with_mujoco(scene, solve_tight, cone, condim, impratio):
+    case = scene(cone, condim, impratio)
+    solution = solve_tight(case.problem, case.operator, case.x_smooth, case.x_warm)
+    assert solution.x.dtype == jnp.float32
+    assert relative(solution.x, case.qacc) < 1e-2
+    assert solution.status.iterations < 30
+
+
+def test_cost_of_every_zone_equals_mujoco(x64, scene):
+    """The objective at MuJoCo's answer, without solving."""
+    for condim in (1, 3, 4, 6):
+        case = scene("elliptic", condim, 3.0)
+        rows = case.operator.rows(case.operator.lift(jnp.asarray(case.qacc)))
+        step = case.qacc - case.x_smooth
+        ours = case.problem.cost(rows) + 0.5 * step @ case.operator.mass @ step
+        np.testing.assert_allclose(ours, case.cost, rtol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_gradient_of_the_objective_vanishes(x64, random_case, solve_tight, seed):
+    problem, operator, x_smooth = random_case(seed)
+
+    def objective(x):
+        dx = x - x_smooth
+        return 0.5 * dx @ operator.mass @ dx + problem.cost(operator.rows(operator.lift(x)))
+
+    solution = solve_tight(problem, operator, x_smooth)
+    gradient = jax.grad(objective)(solution.x)
+    assert np.abs(gradient).max() < 1e-12
+    np.testing.assert_allclose(solution.status.cost, objective(solution.x), rtol=1e-13)
+    for seed in range(20):
+        away = 0.1 * jax.random.normal(jax.random.key(seed), x_smooth.shape)
+        assert objective(solution.x + away) > objective(solution.x)
+
+
+def test_complementarity_of_unilateral_rows(x64, random_case, solve_tight):
+    """With nearly rigid rows: no penetration, no pulling, and only one of them non-zero."""
+    _, operator, x_smooth = random_case(0)
+    problem = Problem((Unilateral(jnp.zeros(5), jnp.full(5, 1e8)),))
+    operator = DenseOperator(operator.mass, operator.jacobian[2:3])
+    solution = solve_tight(problem, operator, x_smooth)
+    (r,), (f,) = operator.rows(solution.y), problem.forces(operator.rows(solution.y))
+    assert (f >= 0).all() and (r > -1e-6).all() and (f > 0).any()
+    assert np.abs(f * jnp.maximum(r, 0)).max() == 0
+
+
+@pytest.mark.parametrize("iterations", [0, 1, 2, 4])
+def test_the_cost_falls_with_every_iteration(x64, scene, solve_tight, iterations):
+    case = scene("elliptic", 3)
+    args = case.problem, case.operator, case.x_smooth, case.x_warm
+    fewer = solve_tight(*args, iterations=iterations).status
+    more = solve_tight(*args, iterations=iterations + 1).status
+    assert fewer.iterations == iterations
+    assert more.cost < fewer.cost
+    if iterations:
+        np.testing.assert_allclose(fewer.cost - more.cost, more.improvement, rtol=1e-9)
+
+
+@pytest.mark.parametrize("ls_iterations", [1, 2, 4, 8, 9, 50])
+def test_every_line_search_length_descends(scene, solve_tight, ls_iterations):
+    case = scene("elliptic", 3)
+    args = case.problem, case.operator, case.x_smooth, case.x_warm
+    before = solve_tight(*args, iterations=0).status.cost
+    after = solve_tight(*args, iterations=1, ls_iterations=ls_iterations).status
+    assert after.cost < before
+
+
+def test_the_tolerance_stops_the_loop(x64, scene, solve_tight):
+    case = scene("elliptic", 3)
+    args = case.problem, case.operator, case.x_smooth, case.x_warm
+    loose = solve_tight(*args, tolerance=1e-1, scale=case.scale)
+    tight = solve_tight(*args, tolerance=1e-8, scale=case.scale)
+    assert 0 < loose.status.iterations < tight.status.iterations
+    again = solve_tight(*args[:3], tight.x, tolerance=1e-8, scale=case.scale)
+    assert again.status.iterations == 0
+    np.testing.assert_array_equal(again.x, tight.x)
+
+
+def test_the_cheaper_start_is_used(x64, scene, solve_tight):
+    case = scene("elliptic", 3)
+    args = case.problem, case.operator, case.x_smooth
+    good = jnp.asarray(case.qacc)
+    start = {"iterations": 0}
+    np.testing.assert_array_equal(solve_tight(*args, good, **start).x, good)
+    for warm in (good + 1e6, jnp.full_like(good, jnp.nan)):
+        np.testing.assert_array_equal(solve_tight(*args, warm, **start).x, case.x_smooth)
+    cold = solve_tight(*args, good, warmstart=False, **start)
+    np.testing.assert_array_equal(cold.x, case.x_smooth)
+
+
+def test_vmap_is_the_solver_of_every_lane(x64, random_case, solve_tight):
+    cases = [random_case(seed) for seed in range(3)]
+    batch = jax.tree.map(lambda *a: jnp.stack(a), *cases)
+    together = jax.jit(jax.vmap(solve_tight))(*batch)
+    for i, case in enumerate(cases):
+        alone = solve_tight(*case)
+        np.testing.assert_allclose(together.x[i], alone.x, atol=1e-12)
+        assert abs(together.status.iterations[i] - alone.status.iterations) <= 1
+
+
+@pytest.mark.parametrize("iterations", [1, 100])
+def test_a_step_that_is_not_finite_is_refused(random_case, iterations):
+    problem, operator, x_smooth = random_case(0)
+    broken = operator.replace(mass=-operator.mass - 1e3 * jnp.eye(len(x_smooth)))
+    options = {"ls_iterations": 4, "tolerance": 0.0, "ls_tolerance": 0.01, "scale": 1.0}
+    solution = solve(problem, broken, x_smooth, x_smooth, iterations=iterations, **options)
+    np.testing.assert_array_equal(solution.x, x_smooth)
+    assert not solution.status.finite
+    assert solution.status.iterations == 0
+
+
+@pytest.mark.parametrize("nv", [0, 1])
+@pytest.mark.parametrize("iterations", [1, 4])
+def test_smallest_problems(random_case, solve_tight, nv, iterations):
+    problem, operator, x_smooth = random_case(0, nv)
+    solution = solve_tight(problem, operator, x_smooth, iterations=iterations)
+    assert solution.x.shape == (nv,)
+    assert np.isfinite(solution.status.cost)
+
+
+@pytest.mark.parametrize("iterations", [1, 4])
+def test_without_rows_the_answer_is_smooth(random_case, solve_tight, iterations):
+    _, operator, x_smooth = random_case(0)
+    warm = x_smooth + 1
+    empty = Unilateral(jnp.zeros(0), jnp.zeros(0)), (jnp.zeros((0, len(x_smooth))),)
+    for blocks, jacobian in (((), ()), ((empty[0],), empty[1])):
+        bare = DenseOperator(operator.mass, jacobian)
+        solution = solve_tight(Problem(blocks), bare, x_smooth, warm, iterations=iterations)
+        np.testing.assert_array_equal(solution.x, x_smooth)
+
+
+def test_padding_changes_nothing(x64, random_case, solve_tight):
+    """Rows with D = 0 leave solution and status as they are, whatever their Jacobian."""
+    problem, operator, x_smooth = random_case(3)
+
+    def padded(block):
+        extra = jax.tree.map(lambda a: jnp.concatenate([a, jnp.zeros_like(a)]), block)
+        return extra
+
+    more = Problem(tuple(padded(b) for b in problem.blocks))
+    rows = tuple(jnp.concatenate([J, J + 1]) for J in operator.jacobian)
+    plain = solve_tight(problem, operator, x_smooth)
+    with_padding = solve_tight(more, DenseOperator(operator.mass, rows), x_smooth)
+    np.testing.assert_allclose(with_padding.x, plain.x, atol=1e-13)
+    assert with_padding.status.iterations == plain.status.iterations
+
+
+def test_all_rows_inactive(x64, random_case, solve_tight):
+    problem, operator, x_smooth = random_case(0)
+    off = jax.tree.map(jnp.zeros_like, problem)
+    solution = solve_tight(off, operator, x_smooth, x_smooth + 1)
+    np.testing.assert_array_equal(solution.x, x_smooth)
