@@ -1,0 +1,79 @@
+"""Groups of sensors that one function can read at once. Everything here is static."""
+
+import dataclasses
+
+import mujoco
+import numpy as np
+
+from jaxsim.model import Model, ModelError
+
+_JOINT = int(mujoco.mjtObj.mjOBJ_JOINT)
+_SITE = int(mujoco.mjtObj.mjOBJ_SITE)
+_CAMERA = int(mujoco.mjtObj.mjOBJ_CAMERA)
+
+
+@dataclasses.dataclass(frozen=True)
+class Group:
+    """Sensors of one type on objects of one kind.
+
+    Attributes:
+      kind: name of the sensors' type, `mujoco.mjtSensor` without its prefix.
+      objtype: `mujoco.mjtObj` of the objects.
+      reftype: `mujoco.mjtObj` of the reference objects, -1 without reference.
+      variant: type of the joint, or shape of the site, where the sensor depends on it.
+      sensors: (n,) ids of the sensors.
+      obj: (n,) ids of their objects.
+      ref: (n,) ids of their reference objects.
+    """
+
+    kind: str
+    objtype: int
+    reftype: int
+    variant: int
+    sensors: np.ndarray
+    obj: np.ndarray
+    ref: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.sensors)
+
+
+def group_sensors(model: Model) -> tuple[Group, ...]:
+    """All sensors of a model, grouped.
+
+    Raises:
+      ModelError: a sensor is attached to a camera.
+    """
+    keys: dict[tuple, list[int]] = {}
+    for s in range(model.nsensor):
+        keys.setdefault(_key(model, s), []).append(s)
+    return tuple(
+        Group(*key, np.array(ids), model.sensor_objid[ids], model.sensor_refid[ids])
+        for key, ids in sorted(keys.items())
+    )
+
+
+def kinds(model: Model) -> frozenset[str]:
+    """Names of the types of a model's sensors, `mujoco.mjtSensor` without its prefix."""
+    return frozenset(_kind(model, s) for s in range(model.nsensor))
+
+
+def _kind(model: Model, s: int) -> str:
+    return mujoco.mjtSensor(int(model.sensor_type[s])).name.removeprefix("mjSENS_")
+
+
+def _key(model: Model, s: int) -> tuple[str, int, int, int]:
+    kind, objtype, obj = _kind(model, s), int(model.sensor_objtype[s]), model.sensor_objid[s]
+    ref = model.sensor_refid[s]
+    reftype = int(model.sensor_reftype[s]) if ref >= 0 else -1
+    if _CAMERA in (objtype, reftype):
+        label = model.names.label("sensor", s)
+        raise ModelError(f"{label}: frames of cameras are not supported; attach it to a site")
+    variant = -1
+    if objtype == _JOINT:
+        variant = int(model.jnt_type[obj])
+    elif kind == "TOUCH":
+        variant = int(model.site_type[obj])
+    elif reftype == _SITE and kind == "INSIDESITE":
+        variant = int(model.site_type[ref])
+    return kind, objtype, reftype, variant

@@ -1,0 +1,114 @@
+"""Quantities that several sensors share, computed when the first of them asks."""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxsim.dynamics import body_forces
+from jaxsim.dynamics.momentum import subtree_velocities
+from jaxsim.dynamics.tree import take
+from jaxsim.model import Model
+from jaxsim.sensor.signals import Signals
+from jaxsim.spatial import Inertia, quat_mul
+
+_BODY = int(mujoco.mjtObj.mjOBJ_BODY)
+_XBODY = int(mujoco.mjtObj.mjOBJ_XBODY)
+_GEOM = int(mujoco.mjtObj.mjOBJ_GEOM)
+_SITE = int(mujoco.mjtObj.mjOBJ_SITE)
+# Names of position and orientation in `Kinematics`. A body's own frame is called "xbody".
+_FRAMES = {
+    _BODY: ("xipos", "ximat"),
+    _XBODY: ("xpos", "xmat"),
+    _GEOM: ("geom_xpos", "geom_xmat"),
+    _SITE: ("site_xpos", "site_xmat"),
+}
+
+
+class Readings:
+    """A model with its signals, and what follows from them. Lives for one evaluation."""
+
+    def __init__(self, model: Model, signals: Signals):
+        self.model = model
+        self.signals = signals
+
+    @functools.cached_property
+    def inertia(self) -> Inertia:
+        """Inertias of all bodies about `tree_com`."""
+        return body_forces.body_inertias(self.model, self.signals.kin)
+
+    @functools.cached_property
+    def cvel(self) -> Float[Array, "nbody 6"]:
+        """Twists of all bodies about `tree_com`."""
+        return body_forces.cvel(self.model, self.signals.kin, self.signals.vel)
+
+    @functools.cached_property
+    def cacc(self) -> Float[Array, "nbody 6"]:
+        """Accelerations of all bodies about `tree_com`."""
+        s = self.signals
+        return body_forces.cacc(self.model, s.kin, s.vel, s.qacc)
+
+    @functools.cached_property
+    def cfrc_int(self) -> Float[Array, "nbody 6"]:
+        """Wrenches from the parents about `tree_com`."""
+        external = body_forces.cfrc_ext(self.model, self.signals.kin, self.signals.body_wrench)
+        return body_forces.cfrc_int(self.model, self.inertia, self.cvel, self.cacc, external)
+
+    @functools.cached_property
+    def subtree_velocities(self) -> tuple[Float[Array, "nbody 3"], Float[Array, "nbody 3"]]:
+        """Velocities of the subtrees' centres of mass, and angular momenta about them."""
+        return subtree_velocities(self.model, self.signals.kin, self.signals.vel)
+
+    def frame(self, objtype: int, ids: np.ndarray) -> tuple[Array, Array]:
+        """Positions (n, 3) and orientations (n, 3, 3) of objects of one kind."""
+        pos, mat = (getattr(self.signals.kin, name) for name in _FRAMES[objtype])
+        return take(pos, ids), take(mat, ids)
+
+    def body(self, objtype: int, ids: np.ndarray) -> np.ndarray:
+        """Bodies that carry objects of one kind."""
+        model = self.model
+        owner = {_GEOM: model.geom_bodyid, _SITE: model.site_bodyid}.get(objtype)
+        return ids if owner is None else owner[ids]
+
+    def quat(self, objtype: int, ids: np.ndarray) -> Float[Array, "n 4"]:
+        """Orientations of objects of one kind; the signs are MuJoCo's."""
+        model = self.model
+        base = take(self.signals.kin.xquat, self.body(objtype, ids))
+        local = {_BODY: model.body_iquat, _GEOM: model.geom_quat, _SITE: model.site_quat}
+        if objtype not in local:
+            return base
+        return jax.vmap(quat_mul)(base, take(local[objtype], ids))
+
+    def velocity(self, objtype: int, ids: np.ndarray) -> Float[Array, "n 6"]:
+        """Twists of objects about their own positions, world axes."""
+        return self._at_objects(self.cvel, objtype, ids)
+
+    def acceleration(self, objtype: int, ids: np.ndarray) -> Float[Array, "n 6"]:
+        """Angular and linear acceleration of objects relative to free fall, world axes.
+
+        The linear part is that of the material point, hence the centripetal term
+        `omega x v` on top of the spatial acceleration. Zero for objects that no joint moves, as
+        in MuJoCo: a sensor bolted to the world does not feel gravity.
+        """
+        spatial = self._at_objects(self.cacc, objtype, ids)
+        twist = self.velocity(objtype, ids)
+        linear = spatial[:, 3:] + jnp.cross(twist[:, :3], twist[:, 3:])
+        moving = jnp.asarray(self.model.body_link[self.body(objtype, ids)] >= 0)[:, None]
+        return jnp.where(moving, jnp.concatenate([spatial[:, :3], linear], axis=1), 0)
+
+    def _at_objects(self, motion, objtype: int, ids: np.ndarray):
+        """Twists about `tree_com` of the objects' bodies, moved to the objects."""
+        body = self.body(objtype, ids)
+        root = self.model.body_rootid[body]
+        motion = take(motion, body)
+        arm = self.frame(objtype, ids)[0] - take(self.signals.kin.subtree_com, root)
+        linear = motion[:, 3:] + jnp.cross(motion[:, :3], arm)
+        return jnp.concatenate([motion[:, :3], linear], axis=1)
+
+
+def into_frame(mat: Float[Array, "n 3 3"], v: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
+    """Components of world vectors in the axes of frames: `R^T v`."""
+    return jax.vmap(lambda R, v: R.T @ v)(mat, v)

@@ -1,0 +1,58 @@
+"""`Signals`: everything that sensors read, filled in by whoever computed it."""
+
+from flax import struct
+from jaxtyping import Array, Float
+
+from jaxsim.dynamics.external import ContactGeometry
+from jaxsim.dynamics.kinematics import Kinematics
+from jaxsim.dynamics.velocity import Velocities
+
+
+@struct.dataclass
+class Signals:
+    """What sensors read, in MuJoCo's order and units.
+
+    The first four are always needed; `needs(model)` names which of the others are.
+
+    Attributes:
+      qpos: coordinates.
+      qvel: velocities.
+      kin: `kinematics(model, qpos)`.
+      vel: `velocities(model, kin, qvel)`.
+      time: seconds.
+      energy: potential and kinetic energy (J).
+      tendon_length: lengths of the tendons (m).
+      tendon_velocity: their rates.
+      actuator_length: lengths of the actuators' transmissions.
+      actuator_velocity: their rates.
+      actuator_force: scalar forces of the actuators.
+      qfrc_actuator: generalised forces of all actuators.
+      qacc: accelerations, constraints included.
+      body_wrench: external (torque, force) on each body about its centre of mass `xipos`, world
+        axes: what `dynamics.external.external_wrench` returns.
+      contact: points, frames and geoms of the contacts.
+      contact_force: (force, torque) of each contact on geom2 in the contact's frame, as
+        `mj_contactForce` returns it; zero for a contact without force.
+      joint_limit_force: force of each joint's limit, not negative and zero where there is no
+        limit or it is not active; where both ends are active, that of the lower end.
+      tendon_limit_force: likewise for tendons.
+    """
+
+    qpos: Float[Array, "nq"]
+    qvel: Float[Array, "nv"]
+    kin: Kinematics
+    vel: Velocities
+    time: Float[Array, ""] | None = None
+    energy: Float[Array, "2"] | None = None
+    tendon_length: Float[Array, "ntendon"] | None = None
+    tendon_velocity: Float[Array, "ntendon"] | None = None
+    actuator_length: Float[Array, "nu"] | None = None
+    actuator_velocity: Float[Array, "nu"] | None = None
+    actuator_force: Float[Array, "nu"] | None = None
+    qfrc_actuator: Float[Array, "nv"] | None = None
+    qacc: Float[Array, "nv"] | None = None
+    body_wrench: Float[Array, "nbody 6"] | None = None
+    contact: ContactGeometry | None = None
+    contact_force: Float[Array, "nc 6"] | None = None
+    joint_limit_force: Float[Array, "njnt"] | None = None
+    tendon_limit_force: Float[Array, "ntendon"] | None = None
