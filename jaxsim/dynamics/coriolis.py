@@ -1,0 +1,71 @@
+"""The Coriolis matrix: velocity-dependent forces as a matrix times `qvel`.
+
+Of the many matrices C with the right product `C qvel`, this is the one for which `dM/dt - 2 C` is
+skew-symmetric, the property behind passivity-based control: Coriolis forces do no work. It is a
+sum over the links of `J^T (I dJ/dt + B J)`, where B factors each link's own velocity-dependent
+force. Echeandia and Wensing, Numerical methods to compute the Coriolis matrix and Christoffel
+symbols for rigid-body systems (2021), section 3.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxsim.dynamics.joints import FREE
+from jaxsim.dynamics.kinematics import Kinematics
+from jaxsim.dynamics.tree import accumulate_inward, take
+from jaxsim.dynamics.velocity import Velocities, from_tree_order
+from jaxsim.model import Model
+from jaxsim.spatial import Inertia, ad, cross_motion, skew
+
+
+def coriolis_matrix(model: Model, kin: Kinematics, vel: Velocities) -> Float[Array, "nv nv"]:
+    """C with `C qvel + gravity force = qfrc_bias`, and `dM/dt = C + C^T`.
+
+    Args:
+      model: the model.
+      kin: its kinematics.
+      vel: its velocities.
+
+    Returns:
+      The matrix in MuJoCo's order of degrees of freedom.
+    """
+    tree = model.tree
+    matrices = jax.vmap(Inertia.as_matrix)(kin.inertia)
+    factors = jax.vmap(_link_factor)(kin.inertia, matrices, vel.cvel)
+    inertia, factor = accumulate_inward(tree, (matrices, factors))
+    inertia, factor = take(inertia, tree.dof_node), take(factor, tree.dof_node)
+    rate = _axis_rates(model, kin, vel)
+    # Rows i and columns j; the deeper of the two links carries everything that both move.
+    from_row = jax.vmap(lambda S, I, B: (S @ I, S @ B))(kin.cdof, inertia, factor)
+    from_column = jax.vmap(lambda S, dS, I, B: I @ dS + B @ S)(kin.cdof, rate, inertia, factor)
+    row_deeper = from_row[0] @ rate.T + from_row[1] @ kin.cdof.T
+    column_deeper = kin.cdof @ from_column.T
+    moves = tree.moves[tree.dof_node]
+    matrix = jnp.where(moves, row_deeper, jnp.where(moves.T, column_deeper, 0))
+    return from_tree_order(model, from_tree_order(model, matrix).T).T
+
+
+def _link_factor(inertia: Inertia, matrix, v) -> Float[Array, "6 6"]:
+    """B with `B v = v x* (I v)` and `dI/dt - 2 B` skew-symmetric, for one link."""
+    momentum = inertia.apply(v)
+    across = ad(v)
+    return 0.5 * (-across.T @ matrix + _momentum_cross(momentum) - matrix @ across)
+
+
+def _momentum_cross(h) -> Float[Array, "6 6"]:
+    """Matrix X, skew-symmetric, with `X v = v x* h`."""
+    angular, linear = -skew(h[:3]), -skew(h[3:])
+    top = jnp.concatenate([angular, linear], axis=1)
+    return jnp.concatenate([top, jnp.concatenate([linear, jnp.zeros_like(linear)], axis=1)])
+
+
+def _axis_rates(model: Model, kin: Kinematics, vel: Velocities) -> Float[Array, "nv 6"]:
+    """Rates of the motion axes: carried by their link, translations of free joints excepted."""
+    tree = model.tree
+    rate = jax.vmap(cross_motion)(take(vel.cvel, tree.dof_node), kin.cdof)
+    fixed = np.zeros(tree.nv, bool)
+    for start in tree.dof_start[tree.kind == FREE]:
+        fixed[start : start + 3] = True
+    return jnp.where(fixed[:, None], 0, rate)

@@ -1,0 +1,131 @@
+"""Jacobians of points and frames, and what their change in time adds to accelerations.
+
+`jacp` and `jacr` map `qvel` to the velocity of a point and to the angular velocity of a body,
+in world axes; layout and order of the degrees of freedom are those of MuJoCo's `mj_jac`.
+"""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxsim.dynamics.kinematics import Kinematics
+from jaxsim.dynamics.tree import accumulate_outward, take
+from jaxsim.dynamics.velocity import Velocities, from_tree_order
+from jaxsim.model import Model
+
+
+def point_jacobian(
+    model: Model, kin: Kinematics, body: int, point: Float[Array, "3"]
+) -> tuple[Float[Array, "3 nv"], Float[Array, "3 nv"]]:
+    """Jacobian of a point that moves with a body: `v = jacp @ qvel`, `omega = jacr @ qvel`.
+
+    Args:
+      model: the model.
+      kin: its kinematics.
+      body: number of the body, static.
+      point: where the point is now, world coordinates (m).
+
+    Returns:
+      `(jacp, jacr)`, zero for the columns of joints that do not move the body.
+
+    Raises:
+      IndexError: there is no such body.
+    """
+    link = model.body_link[_checked(model, "body", body)]
+    if link < 0:
+        zero = jnp.zeros((3, model.nv), kin.cdof.dtype)
+        return zero, zero
+    moves = jnp.asarray(model.tree.moves[link])
+    arm = point - kin.origin[model.tree.root[link]]
+    axes = jnp.where(moves[:, None], kin.cdof, 0)
+    linear = axes[:, 3:] + jax.vmap(lambda w: jnp.cross(w, arm))(axes[:, :3])
+    return from_tree_order(model, linear).T, from_tree_order(model, axes[:, :3]).T
+
+
+def body_jacobian(model: Model, kin: Kinematics, body: int):
+    """`point_jacobian` of the origin of a body's frame."""
+    return point_jacobian(model, kin, body, kin.xpos[_checked(model, "body", body)])
+
+
+def com_jacobian(model: Model, kin: Kinematics, body: int):
+    """`point_jacobian` of the centre of mass of one body."""
+    return point_jacobian(model, kin, body, kin.xipos[_checked(model, "body", body)])
+
+
+def geom_jacobian(model: Model, kin: Kinematics, geom: int):
+    """`point_jacobian` of the centre of a geom."""
+    body = model.geom_bodyid[_checked(model, "geom", geom)]
+    return point_jacobian(model, kin, body, kin.geom_xpos[geom])
+
+
+def site_jacobian(model: Model, kin: Kinematics, site: int):
+    """`point_jacobian` of a site."""
+    body = model.site_bodyid[_checked(model, "site", site)]
+    return point_jacobian(model, kin, body, kin.site_xpos[site])
+
+
+def body_jacobians(
+    model: Model, kin: Kinematics, point: Float[Array, "nbody 3"]
+) -> Float[Array, "nbody 6 nv"]:
+    """Jacobians of one point on every body; rows are angular, then linear velocity.
+
+    Args:
+      model: the model.
+      kin: its kinematics.
+      point: for each body the point that moves with it, world coordinates (m).
+    """
+    tree = model.tree
+    origin = from_tree_order(model, take(kin.origin, tree.root[tree.dof_node]))
+    axes = from_tree_order(model, kin.cdof)
+    # The last row of `moves` is for bodies without a link, whose link is -1.
+    moves = jnp.asarray(tree.moves[model.body_link][:, model.structure.dof_position])
+
+    def one(moves, point):
+        arms = point[None] - origin
+        linear = axes[:, 3:] + jnp.cross(axes[:, :3], arms)
+        return jnp.where(moves[:, None], jnp.concatenate([axes[:, :3], linear], axis=1), 0).T
+
+    return jax.vmap(one)(moves, point)
+
+
+def jacobian_dot_qvel(
+    model: Model, kin: Kinematics, vel: Velocities, body: int, point: Float[Array, "3"]
+) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
+    """`d(jacp)/dt @ qvel` and `d(jacr)/dt @ qvel`: accelerations of a body while `qacc` is zero.
+
+    The point moves with the body. The acceleration of a point is the linear part of the spatial
+    acceleration at that point plus `omega x v` (Featherstone 2008, section 2.11).
+
+    Args:
+      model: the model.
+      kin: its kinematics.
+      vel: its velocities.
+      body: number of the body, static.
+      point: where the point is now, world coordinates (m).
+
+    Returns:
+      Acceleration of the point (m/s^2), angular acceleration of the body (rad/s^2).
+
+    Raises:
+      IndexError: there is no such body.
+    """
+    link = model.body_link[_checked(model, "body", body)]
+    if link < 0:
+        return jnp.zeros(3, kin.cdof.dtype), jnp.zeros(3, kin.cdof.dtype)
+    bias = accumulate_outward(model.tree, vel.cdof_dot_qvel)[link]
+    return _point_acceleration(vel.cvel[link], bias, point - kin.origin[model.tree.root[link]])
+
+
+def _point_acceleration(twist, acceleration, arm):
+    """Acceleration of a point and of its body, from spatial quantities about another point."""
+    omega, alpha = twist[:3], acceleration[:3]
+    velocity = twist[3:] + jnp.cross(omega, arm)
+    linear = acceleration[3:] + jnp.cross(alpha, arm) + jnp.cross(omega, velocity)
+    return linear, alpha
+
+
+def _checked(model: Model, kind: str, index: int) -> int:
+    size = len(model.names.of(kind))
+    if not 0 <= index < size:
+        raise IndexError(f"the model has {size} elements of kind {kind!r}, got number {index}")
+    return int(index)

@@ -1,0 +1,74 @@
+"""Float64, and one random tree with every joint type whose quantities are computed once."""
+
+import types
+
+import jax
+import mujoco
+import numpy as np
+import pytest
+from random_models import random_model, random_states
+
+from jaxsim.dynamics.aba import forward_dynamics, solve_mass
+from jaxsim.dynamics.coriolis import coriolis_matrix
+from jaxsim.dynamics.crba import composite_mass_matrix
+from jaxsim.dynamics.energy import kinetic_energy, potential_energy
+from jaxsim.dynamics.jacobian import body_jacobians
+from jaxsim.dynamics.kinematics import kinematics
+from jaxsim.dynamics.momentum import (
+    centroidal_momentum,
+    centroidal_momentum_matrix,
+    subtree_velocities,
+)
+from jaxsim.dynamics.rnea import inverse_dynamics, qfrc_bias
+from jaxsim.dynamics.velocity import velocities
+from jaxsim.io import load
+
+SEEDS = [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 20))]
+
+
+@pytest.fixture(autouse=True)
+def float64():
+    """Laws are checked in float64."""
+    with jax.enable_x64(True):
+        yield
+
+
+@pytest.fixture(scope="session", params=SEEDS)
+def scene(request) -> types.SimpleNamespace:
+    """A random tree: the oracle's model, ours, random states, and all quantities there."""
+    with jax.enable_x64(True):
+        mj = mujoco.MjModel.from_xml_string(random_model(request.param, poly=True))
+        model = load(mj)
+        qpos, qvel = random_states(mj, seed=1, n=4)
+        qacc = np.random.default_rng(2).standard_normal(qvel.shape)
+        compute = jax.jit(jax.vmap(quantities, in_axes=(None, 0, 0, 0)))
+        values = {name: np.asarray(x) for name, x in compute(model, qpos, qvel, qacc).items()}
+    return types.SimpleNamespace(
+        mj=mj, model=model, qpos=qpos, qvel=qvel, qacc=qacc, n=len(qpos), **values
+    )
+
+
+def quantities(model, qpos, qvel, qacc):
+    """Everything that the laws are about, at one state."""
+    kin = kinematics(model, qpos)
+    vel = velocities(model, kin, qvel)
+    force = inverse_dynamics(model, qpos, qvel, qacc)
+    linvel, angmom = subtree_velocities(model, kin, vel)
+    return {
+        "mass_matrix": composite_mass_matrix(model, kin),
+        "bias": qfrc_bias(model, kin, vel),
+        "bias_at_rest": qfrc_bias(model, kin, velocities(model, kin, 0 * qvel)),
+        "coriolis": coriolis_matrix(model, kin, vel),
+        "kinetic": kinetic_energy(model, kin, vel, qvel),
+        "potential": potential_energy(model, kin, qpos),
+        "inverse": force,
+        "forward": forward_dynamics(model, qpos, qvel, force),
+        "solved": solve_mass(model, kin, qacc),
+        "momentum": centroidal_momentum(model, kin, vel),
+        "momentum_matrix": centroidal_momentum_matrix(model, kin),
+        "subtree_linvel": linvel,
+        "subtree_angmom": angmom,
+        "jacobians": body_jacobians(model, kin, kin.xipos),
+        "com": kin.subtree_com[0],
+        "xipos": kin.xipos,
+    }
