@@ -8,10 +8,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxsim.dynamics.kinematics import Kinematics, kinematics
+from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.dynamics.rnea import qfrc_bias
 from jaxsim.dynamics.tree import inward, outward
 from jaxsim.dynamics.velocity import from_tree_order, to_tree_order, velocities
 from jaxsim.model import Model
+from jaxsim.model.topology import Forest
 
 
 def forward_dynamics(
@@ -35,7 +37,7 @@ def forward_dynamics(
 def solve_mass(model: Model, kin: Kinematics, force: Float[Array, "nv"]) -> Float[Array, "nv"]:
     """`M^-1 force`, armature included."""
     matrices = jax.vmap(lambda inertia: inertia.as_matrix())(kin.inertia)
-    return solve_articulated(model, kin.cdof, matrices, model.dof_armature, force)[0]
+    return solve_articulated(model, kin.cdof, matrices, dof_armature(model), force)[0]
 
 
 def solve_articulated(
@@ -61,13 +63,24 @@ def solve_articulated(
     Returns:
       `H^-1 force` in MuJoCo's order, and the accelerations of the links that it causes.
     """
-    tree = model.tree
-    dofs = (cdof, to_tree_order(model, diagonal), to_tree_order(model, force))
+    diagonal, force = to_tree_order(model, diagonal), to_tree_order(model, force)
+    x, acceleration = articulated_solve(model.tree, cdof, link_matrix, diagonal, force)
+    return from_tree_order(model, x), acceleration
+
+
+def articulated_solve(
+    tree: Forest,
+    cdof: Float[Array, "nv 6"],
+    link_matrix: Float[Array, "njnt 6 6"],
+    diagonal: Float[Array, "nv"],
+    force: Float[Array, "nv"],
+) -> tuple[Float[Array, "nv"], Float[Array, "njnt 6"]]:
+    """`solve_articulated` with everything in tree order."""
     zero = (jnp.zeros((6, 6), cdof.dtype), jnp.zeros(6, cdof.dtype))
-    _, factors = inward(tree, _eliminate, zero, link_matrix, dofs)
+    _, factors = inward(tree, _eliminate, zero, link_matrix, (cdof, diagonal, force))
     root = jnp.zeros((tree.nroot, 6), cdof.dtype)
     acceleration, x = outward(tree, _substitute, root, (), (cdof, *factors))
-    return from_tree_order(model, x), acceleration
+    return x, acceleration
 
 
 def _eliminate(children, matrix, dofs):

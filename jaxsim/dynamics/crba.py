@@ -9,8 +9,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsim.dynamics.kinematics import Kinematics, kinematics
+from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.dynamics.tree import accumulate_inward, take
-from jaxsim.dynamics.velocity import from_tree_order
+from jaxsim.dynamics.velocity import from_tree_order, to_tree_order
 from jaxsim.model import Model
 
 
@@ -25,6 +26,12 @@ def mass_matrix(model: Model, qpos: Float[Array, "nq"]) -> Float[Array, "nv nv"]
 
 
 def composite_mass_matrix(model: Model, kin: Kinematics) -> Float[Array, "nv nv"]:
+    """The mass matrix from known kinematics."""
+    mass = composite_mass_matrix_in_tree_order(model, kin)
+    return from_tree_order(model, from_tree_order(model, mass).T)
+
+
+def composite_mass_matrix_in_tree_order(model: Model, kin: Kinematics) -> Float[Array, "nv nv"]:
     """`M_ij = cdof_i . (I_c cdof_j)` where i moves j's link, I_c the inertia of j's subtree."""
     tree = model.tree
     composite = accumulate_inward(tree, kin.inertia)
@@ -36,5 +43,4 @@ def composite_mass_matrix(model: Model, kin: Kinematics) -> Float[Array, "nv nv"
     lower = jnp.where(related, products, 0)
     same = np.asarray(tree.dof_node[:, None] == tree.dof_node[None, :])
     full = lower + jnp.where(same, 0, lower.T)
-    ordered = from_tree_order(model, from_tree_order(model, full).T)
-    return ordered + jnp.diag(model.dof_armature)
+    return full + jnp.diag(to_tree_order(model, dof_armature(model)))

@@ -11,9 +11,11 @@ import mujoco
 from jaxtyping import Array, Float
 
 from jaxsim.dynamics.kinematics import Kinematics, kinematics
+from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.dynamics.tree import accumulate_inward, accumulate_outward, sum_by, take
 from jaxsim.dynamics.velocity import Velocities, from_tree_order, to_tree_order, velocities
 from jaxsim.model import Model
+from jaxsim.model.topology import Forest
 from jaxsim.spatial import Inertia, cross_force
 
 _GRAVITY_OFF = mujoco.mjtDisableBit.mjDSBL_GRAVITY
@@ -36,7 +38,7 @@ def inverse_dynamics(
     kin = kinematics(model, qpos)
     vel = velocities(model, kin, qvel)
     force = link_forces(model, kin, vel, link_accelerations(model, kin, vel, qacc))
-    return generalized_force(model, kin, force) + model.dof_armature * qacc
+    return generalized_force(model, kin, force) + dof_armature(model) * qacc
 
 
 def qfrc_bias(model: Model, kin: Kinematics, vel: Velocities) -> Float[Array, "nv"]:
@@ -83,9 +85,15 @@ def generalized_force(
       kin: its kinematics.
       link_wrench: wrenches about the tree's reference point, tree order.
     """
-    total = accumulate_inward(model.tree, link_wrench)
-    each = take(total, model.tree.dof_node)
-    return from_tree_order(model, (kin.cdof * each).sum(1))
+    return from_tree_order(model, tree_force(model.tree, kin.cdof, link_wrench))
+
+
+def tree_force(
+    tree: Forest, cdof: Float[Array, "nv 6"], link_wrench: Float[Array, "njnt 6"]
+) -> Float[Array, "nv"]:
+    """`generalized_force` in tree order."""
+    total = accumulate_inward(tree, link_wrench)
+    return (cdof * take(total, tree.dof_node)).sum(1)
 
 
 def project_wrench(

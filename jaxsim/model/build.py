@@ -6,14 +6,19 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 
+from jaxsim.model.features import features
+from jaxsim.model.frames import effective_frames
 from jaxsim.model.model import Model, Option, Statistic
 from jaxsim.model.names import Names
+from jaxsim.model.singular import check_mass_matrix
 from jaxsim.model.structure import ARRAYS, SIZES, Structure
 from jaxsim.model.validate import check_physics, check_supported
 
 _STATIC_OPTIONS = (
     "integrator cone solver iterations ls_iterations disableflags enableflags disableactuator"
 ).split()
+
+_NOT_MUJOCO = {"structure", "opt", "stat", "hessian", "max_contacts", "max_geom_pairs"}
 
 
 def build(mj: mujoco.MjModel) -> Model:
@@ -33,16 +38,18 @@ def build(mj: mujoco.MjModel) -> Model:
         sizes={name: int(getattr(mj, name)) for name in SIZES},
         arrays={name: _static_array(mj, name) for name in ARRAYS},
         names=Names.from_mujoco(mj),
+        **features(mj),
     )
-    groups = {"structure", "opt", "stat"}
-    leaves = {f.name for f in dataclasses.fields(Model)} - groups
+    names = {f.name for f in dataclasses.fields(Model)} - _NOT_MUJOCO
+    leaves = {name: getattr(mj, name) for name in sorted(names)} | effective_frames(mj)
     model = Model(
         structure=structure,
         opt=_option(mj.opt),
         stat=Statistic(**{n: _leaf(getattr(mj.stat, n)) for n in ("meaninertia", "meanmass", "extent")}),
-        **{name: _leaf(getattr(mj, name)) for name in sorted(leaves)},
+        **{name: _leaf(value) for name, value in leaves.items()},
     )
     check_physics(model)
+    check_mass_matrix(mj)
     return model
 
 

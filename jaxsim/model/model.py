@@ -66,6 +66,12 @@ class Model:
     with a batch axis on some leaves; call `jaxsim.model.set_const` afterwards if masses, sizes or
     poses changed. Every integer field of `mjModel` that the physics uses (`nq`, `jnt_type`,
     `geom_bodyid`, ...) is an attribute too and is static.
+
+    What the constraint solver works on is fixed when the model is built: which joints and tendons
+    have dry friction (`friction_dofs`, `friction_tendons`: those whose loss was positive), how it
+    solves with its Hessian (`hessian`), and how many contacts it keeps (`max_contacts`, for each
+    condim) of how many geom pairs (`max_geom_pairs`, for each pair of shapes). The last three are
+    arguments of `jaxsim.load`.
     """
 
     structure: Structure = struct.field(pytree_node=False)
@@ -158,6 +164,9 @@ class Model:
     key_mpos: Float[Array, "nkey nmocap3"]
     key_mquat: Float[Array, "nkey nmocap4"]
     key_ctrl: Float[Array, "nkey nu"]
+    hessian: str = struct.field(pytree_node=False, default="auto")
+    max_contacts: int | None = struct.field(pytree_node=False, default=None)
+    max_geom_pairs: int | None = struct.field(pytree_node=False, default=None)
 
     @property
     def names(self) -> Names:

@@ -53,7 +53,7 @@ def make_state(model: Model, keyframe: int | str | None = None) -> State:
       TypeError: the keyframe is neither an index nor a name.
     """
     dtype = model.qpos0.dtype
-    bodies = jnp.asarray(_mocap_bodies(model))
+    bodies = jnp.asarray(_mocap_bodies(model), int)
     state = State(
         qpos=jnp.asarray(model.qpos0),
         qvel=jnp.zeros(model.nv, dtype),

@@ -7,6 +7,7 @@ and passes.
 
 from collections.abc import Callable, Iterable
 
+import jax
 import mujoco
 import numpy as np
 
@@ -37,7 +38,9 @@ def check_supported(mj: mujoco.MjModel) -> None:
     names = _Labels(mj)
     _check_options(mj)
     _check_sizes(mj)
-    _check_enum(mj.actuator_trntype, "mjTRN_", "mjtTrn", TRANSMISSIONS, "transmission", names.actuator)
+    _check_enum(
+        mj.actuator_trntype, "mjTRN_", "mjtTrn", TRANSMISSIONS, "transmission", names.actuator
+    )
     _check_enum(mj.actuator_dyntype, "mjDYN_", "mjtDyn", DYNAMICS, "dyntype", names.actuator)
     _check_enum(mj.actuator_gaintype, "mjGAIN_", "mjtGain", GAINS, "gaintype", names.actuator)
     _check_enum(mj.actuator_biastype, "mjBIAS_", "mjtBias", BIASES, "biastype", names.actuator)
@@ -50,6 +53,13 @@ def check_supported(mj: mujoco.MjModel) -> None:
     _check_zero(mj.geom_adhesion, names.geom, "adhesion", "remove the attribute")
     _check_zero(mj.pair_adhesion, names.pair, "adhesion", "remove the attribute")
     _check_zero(mj.tendon_armature, names.tendon, "armature", "put armature on the joints")
+    on_tendon = mj.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON
+    _check_zero(
+        mj.actuator_armature * on_tendon,
+        names.actuator,
+        "armature of a tendon's actuator",
+        "put armature on the joints",
+    )
     _check_tendons(mj, names)
     _check_sensors(mj, names)
 
@@ -96,7 +106,12 @@ def _check_zero(values, label, attribute: str, remedy: str) -> None:
 
 def _check_options(mj: mujoco.MjModel) -> None:
     _check_enum(
-        [mj.opt.integrator], "mjINT_", "mjtIntegrator", INTEGRATORS, "integrator", lambda _: "option"
+        [mj.opt.integrator],
+        "mjINT_",
+        "mjtIntegrator",
+        INTEGRATORS,
+        "integrator",
+        lambda _: "option",
     )
     if mj.opt.noslip_iterations:
         raise ModelError("option: noslip_iterations is not supported; set it to 0 and use impratio")
@@ -116,7 +131,9 @@ def _check_tendons(mj: mujoco.MjModel, names: _Labels) -> None:
     for t in range(mj.ntendon):
         path = mj.wrap_type[mj.tendon_adr[t] : mj.tendon_adr[t] + mj.tendon_num[t]]
         if (path != joint).any():
-            raise ModelError(f"{names.tendon(t)}: spatial tendons are not supported; use a fixed tendon")
+            raise ModelError(
+                f"{names.tendon(t)}: spatial tendons are not supported; use a fixed tendon"
+            )
 
 
 def _check_sensors(mj: mujoco.MjModel, names: _Labels) -> None:
@@ -128,7 +145,9 @@ def _check_sensors(mj: mujoco.MjModel, names: _Labels) -> None:
                 "documentation's table of sensors lists the supported types"
             )
     for attribute in ("history", "delay", "interval"):
-        _check_zero(getattr(mj, f"sensor_{attribute}"), names.sensor, attribute, "remove the attribute")
+        _check_zero(
+            getattr(mj, f"sensor_{attribute}"), names.sensor, attribute, "remove the attribute"
+        )
 
 
 def check_physics(model) -> None:
@@ -155,11 +174,11 @@ def check_physics(model) -> None:
 
 
 def _check_finite(model, label) -> None:
-    kinds = {"body": "body", "jnt": "joint", "dof": None, "geom": "geom", "site": "site", "eq": "equality"}
-    kinds |= {k: k for k in ("actuator", "tendon", "pair", "sensor", "key")}
+    kinds = {"jnt": "joint", "eq": "equality"}
+    kinds |= {k: k for k in "body geom site actuator tendon pair sensor key".split()}
     for name, value in vars(model).items():
-        value = getattr(model, name)
-        if name in ("structure", "opt", "stat") or np.isfinite(np.asarray(value)).all():
+        # What is not an array is static, or a group of its own.
+        if not hasattr(value, "dtype") or np.isfinite(np.asarray(value)).all():
             continue
         bad = int(np.argwhere(~np.isfinite(np.asarray(value)))[0][0])
         kind = kinds.get(name.split("_")[0])
@@ -181,7 +200,9 @@ def _check_moving_mass(model, mass: np.ndarray, label) -> None:
         start = model.body_dofadr[b]
         dofs = slice(start, start + model.body_dofnum[b])
         if carried[subtree].sum() < MIN_INERTIA and (armature[dofs] < MIN_INERTIA).any():
-            raise ModelError(f"{label('body', int(b))}: a moving body needs mass, or armature on its joints")
+            raise ModelError(
+                f"{label('body', int(b))}: a moving body needs mass, or armature on its joints"
+            )
 
 
 def _subtree(parent: np.ndarray, body: int) -> np.ndarray:

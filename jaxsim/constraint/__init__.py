@@ -1,0 +1,7 @@
+"""Equality, dry friction, limits and contacts as one convex problem, and its solution."""
+
+from jaxsim.constraint.block import Block
+from jaxsim.constraint.scene import Scene
+from jaxsim.constraint.solve import Constrained, constrained_acceleration, constraint_blocks
+
+__all__ = ["Block", "Constrained", "Scene", "constrained_acceleration", "constraint_blocks"]

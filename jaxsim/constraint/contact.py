@@ -1,0 +1,153 @@
+"""Contact rows: frictionless, pyramidal and elliptic.
+
+In the contact frame a relative motion has a normal, two sliding, one spinning and two rolling
+components; `condim` says how many of them are constrained. A pyramid has two edges for each
+direction of friction, `normal +- mu tangent`, each of which may only push.
+"""
+
+import jax
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxsim.collision import Contact
+from jaxsim.constraint.block import Block, inverse_where
+from jaxsim.constraint.impedance import MIN_VALUE, response
+from jaxsim.constraint.jacobian import link_rows
+from jaxsim.constraint.scene import Scene
+from jaxsim.dynamics.tree import take
+from jaxsim.solver import EllipticCone, Unilateral
+
+ELLIPTIC = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
+
+
+def contact_blocks(scene: Scene, contact: Contact) -> list[Block]:
+    """One block of rows for each contact dimension."""
+    return [_block(scene, _slots(contact, b.slots), b.condim) for b in contact.blocks if b.stop > b.start]
+
+
+def contact_forces(scene: Scene, contact: Contact, forces: list[Array]) -> Float[Array, "nc 6"]:
+    """(force, torque) of each contact in its frame, on geom2 from geom1: `mj_contactForce`.
+
+    Args:
+      scene: the scene.
+      contact: the contacts.
+      forces: row forces of the contact blocks, in the order of `contact_blocks`.
+    """
+    parts = [jnp.zeros((0, 6), contact.dist.dtype)]
+    blocks = [b for b in contact.blocks if b.stop > b.start]
+    for b, rows in zip(blocks, forces, strict=True):
+        friction = contact.friction[b.slots, : b.condim - 1]
+        wrench = _decoded(rows, friction) if _pyramidal(scene, b.condim) else rows
+        parts.append(jnp.pad(wrench, ((0, 0), (0, 6 - b.condim))))
+    return jnp.concatenate(parts)
+
+
+def _pyramidal(scene: Scene, condim: int) -> bool:
+    return condim > 1 and scene.model.opt.cone != ELLIPTIC
+
+
+def _decoded(rows, friction):
+    """Forces along the contact frame from the forces along the pyramid's edges."""
+    pairs = rows.reshape(len(rows), -1, 2)
+    tangents = friction * (pairs[:, :, 0] - pairs[:, :, 1])
+    return jnp.concatenate([rows.sum(1)[:, None], tangents], axis=1)
+
+
+def _slots(contact: Contact, slots: slice):
+    """The contacts of one block; ids may be numpy arrays, which `jax.tree.map` would trace."""
+    fields = "dist pos frame includemargin friction solref solreffriction solimp geom1 geom2".split()
+    return contact.replace(**{name: getattr(contact, name)[slots] for name in fields})
+
+
+def _block(scene: Scene, contact: Contact, condim: int) -> Block:
+    model = scene.model
+    bodies = [_lookup(model.geom_bodyid, g) for g in (contact.geom1, contact.geom2)]
+    links = [_lookup(model.body_link, b) for b in bodies]
+    G = [_contact_rows(scene, contact, link, condim) for link in links]
+    weight = sum(_values(model.body_invweight0, b) for b in bodies)
+    violation = contact.dist - contact.includemargin
+    pyramidal = _pyramidal(scene, condim)
+    if pyramidal:
+        edges = jax.vmap(lambda g, mu: _pyramid(g, mu[: condim - 1]))
+        G = [edges(g, contact.friction) for g in G]
+    jacobian = link_rows(links[0], G[0], links[1], G[1])
+    velocity = scene.velocity(jacobian)
+    rows = _pyramidal_rows if pyramidal else _elliptic_rows
+    make = jax.vmap(lambda *a: rows(model.opt, condim, *a))
+    kind = make(
+        violation,
+        velocity,
+        weight[:, 0],
+        contact.friction,
+        contact.solref,
+        contact.solreffriction,
+        contact.solimp,
+    )
+    if condim == 1:
+        kind = Unilateral(aref=kind.aref, D=kind.D)
+    return Block(kind, jacobian, violation, velocity, f"contact{condim}")
+
+
+def _lookup(table: np.ndarray, index):
+    """Static where the index is."""
+    return np.asarray(table)[index] if isinstance(index, np.ndarray) else jnp.asarray(table)[index]
+
+
+def _values(values: Array, index) -> Array:
+    return take(values, index) if isinstance(index, np.ndarray) else values[index]
+
+
+def _contact_rows(scene: Scene, contact: Contact, link, condim: int) -> Float[Array, "n d 6"]:
+    """Maps from a link's twist to the motion of the contact point in the contact frame."""
+    origins = scene.link_origins()
+    # Links are numbered from zero; -1, what does not move, reads the last row and is never used.
+    padded = jnp.concatenate([origins, jnp.zeros((1, 3), origins.dtype)])
+    arm = contact.pos - _values(padded, link % len(padded) if isinstance(link, np.ndarray) else link)
+
+    def one(arm, frame):
+        linear = [jnp.concatenate([jnp.cross(arm, axis), axis]) for axis in frame[: min(condim, 3)]]
+        angular = [jnp.concatenate([axis, jnp.zeros_like(axis)]) for axis in frame[: max(condim - 3, 0)]]
+        return jnp.stack(linear + angular)
+
+    return jax.vmap(one)(arm, contact.frame)
+
+
+def _pyramid(rows: Float[Array, "d 6"], mu: Float[Array, "d-1"]) -> Float[Array, "2(d-1) 6"]:
+    """The pyramid's edges `normal +- mu tangent` from the rows of the contact frame."""
+    scaled = mu[:, None] * rows[1:]
+    both = jnp.stack([rows[:1] + scaled, rows[:1] - scaled], axis=1)
+    return both.reshape(-1, rows.shape[1])
+
+
+def _pyramidal_rows(opt, condim, violation, velocity, weight, friction, solref, _, solimp) -> Unilateral:
+    """All edges share one regularisation, that of the elliptic cone's friction."""
+    r = response(opt, solref, solimp, violation)
+    active = violation < 0
+    mu = friction[0] / jnp.sqrt(jnp.maximum(opt.impratio, MIN_VALUE))
+    R = 2 * mu * mu * r.regularisation(weight * (1 + friction[0] * friction[0]))
+    aref = jnp.where(active, r.reference(velocity, violation), 0.0)
+    return Unilateral(aref=aref, D=jnp.broadcast_to(inverse_where(active, R), aref.shape))
+
+
+def _elliptic_rows(
+    opt, condim, violation, velocity, weight, friction, solref, solreffriction, solimp
+) -> EllipticCone:
+    """Normal and friction rows; friction only damps, with its own reference if it has one."""
+    normal = response(opt, solref, solimp, violation)
+    own = (solreffriction != 0).any() & ((solreffriction[0] > 0) == (solreffriction[1] > 0))
+    tangent = response(opt, jnp.where(own, solreffriction, solref), solimp, violation)
+    active = violation < 0
+    aref = -jnp.concatenate([normal.damping * velocity[:1], tangent.damping * velocity[1:]])
+    aref = aref.at[0].add(-normal.stiffness * normal.impedance * violation)
+    friction = friction[: condim - 1]
+    R0 = normal.regularisation(weight)
+    R1 = R0 / jnp.maximum(opt.impratio, MIN_VALUE)
+    # friction[j]^2 R[j] is the same in all directions.
+    tangents = R1 * (friction[:1] / friction) ** 2
+    R = jnp.concatenate([R0[None], tangents])
+    mu = friction[0] * jnp.sqrt(R1 / R0) if condim > 1 else jnp.zeros_like(R0)
+    return EllipticCone(
+        aref=jnp.where(active, aref, 0.0), D=inverse_where(active, R), mu=mu, friction=friction
+    )

@@ -1,0 +1,58 @@
+"""Dry friction of joints and tendons."""
+
+import jax
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+
+from jaxsim.constraint.block import Block
+from jaxsim.constraint.impedance import response
+from jaxsim.constraint.jacobian import DenseRows, DofRows
+from jaxsim.constraint.scene import Scene
+from jaxsim.dynamics.tendon import tendon_jacobian
+from jaxsim.dynamics.tree import take
+from jaxsim.dynamics.velocity import to_tree_order
+from jaxsim.solver import Huber
+
+_FRICTION_OFF = mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS
+
+
+def friction_blocks(scene: Scene) -> list[Block]:
+    """Rows of the degrees of freedom and tendons that had dry friction when the model was built."""
+    model = scene.model
+    if model.opt.disabled(_FRICTION_OFF):
+        return []
+    blocks = []
+    dofs, tendons = (np.array(ids, int) for ids in (model.friction_dofs, model.friction_tendons))
+    if len(dofs):
+        rows = DofRows(jnp.ones(len(dofs), scene.qvel.dtype), _tree_dofs(model, dofs))
+        parameters = model.dof_solref, model.dof_solimp, model.dof_invweight0, model.dof_frictionloss
+        blocks.append(_block(scene, rows, dofs, parameters, "friction_dof"))
+    if len(tendons):
+        rows = DenseRows(to_tree_order(model, take(tendon_jacobian(model), tendons).T).T)
+        parameters = (
+            model.tendon_solref_fri,
+            model.tendon_solimp_fri,
+            model.tendon_invweight0,
+            model.tendon_frictionloss,
+        )
+        blocks.append(_block(scene, rows, tendons, parameters, "friction_tendon"))
+    return blocks
+
+
+def _block(scene: Scene, jacobian, ids: np.ndarray, parameters, name: str) -> Block:
+    """Rows whose reference only damps: dry friction has no position to return to."""
+    velocity = scene.velocity(jacobian)
+
+    def row(velocity, solref, solimp, weight):
+        r = response(scene.model.opt, solref, solimp, jnp.zeros_like(velocity))
+        return -r.damping * velocity, r.regularisation(weight)
+
+    solref, solimp, weight, floss = (take(p, ids) for p in parameters)
+    aref, R = jax.vmap(row)(velocity, solref, solimp, weight)
+    kind = Huber(aref=aref, D=1 / R, floss=floss)
+    return Block(kind, jacobian, jnp.zeros_like(velocity), velocity, name, tuple(int(i) for i in ids))
+
+
+def _tree_dofs(model, dofs: np.ndarray) -> tuple[int, ...]:
+    return tuple(int(d) for d in model.structure.dof_position[dofs])

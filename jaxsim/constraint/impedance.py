@@ -1,0 +1,97 @@
+"""From `solref` and `solimp` to the spring, the damper and the regularisation of a row.
+
+A constraint row wants the acceleration `aref = -b v - k d r` and resists deviations from it with
+the inverse inertia `R = (1 - d) / d * A`: r is the violation, v its rate, d the impedance, A the
+row's inverse inertia (MuJoCo documentation, chapter "Computation", "Constraint model").
+"""
+
+import jax.numpy as jnp
+import mujoco
+from flax import struct
+from jaxtyping import Array, Float
+
+from jaxsim.model import Option
+
+# MuJoCo's mjMINIMP, mjMAXIMP, mjMINVAL.
+MIN_IMPEDANCE, MAX_IMPEDANCE, MIN_VALUE = 1e-4, 0.9999, 1e-15
+# What MuJoCo uses instead of a solref whose two numbers differ in sign.
+DEFAULT_SOLREF = (0.02, 1.0)
+
+_REFSAFE_OFF = mujoco.mjtDisableBit.mjDSBL_REFSAFE
+
+
+@struct.dataclass
+class Response:
+    """How one constraint answers to its violation.
+
+    Attributes:
+      stiffness: k (1/s^2).
+      damping: b (1/s).
+      impedance: d, between 0 and 1.
+    """
+
+    stiffness: Float[Array, ""]
+    damping: Float[Array, ""]
+    impedance: Float[Array, ""]
+
+    def reference(self, velocity: Float[Array, "..."], violation: Float[Array, "..."]) -> Array:
+        """Reference acceleration `-b v - k d r`."""
+        return -self.damping * velocity - self.stiffness * self.impedance * violation
+
+    def regularisation(self, inverse_inertia: Float[Array, "..."]) -> Array:
+        """`R = (1 - d) / d * A`."""
+        return jnp.maximum((1 - self.impedance) / self.impedance * inverse_inertia, MIN_VALUE)
+
+
+def response(
+    opt: Option, solref: Float[Array, "2"], solimp: Float[Array, "5"], violation: Float[Array, ""]
+) -> Response:
+    """Stiffness, damping and impedance of one constraint.
+
+    Args:
+      opt: the model's options; `refsafe` keeps time constants above two timesteps.
+      solref: (time constant, damping ratio), or (-stiffness, -damping).
+      solimp: (dmin, dmax, width, midpoint, power).
+      violation: distance from the margin; a norm where several rows share one.
+    """
+    time, ratio = _reference(opt, solref)
+    dmax = jnp.clip(solimp[1], MIN_IMPEDANCE, MAX_IMPEDANCE)
+    standard = time > 0
+    # Both branches are evaluated, so each gets harmless numbers where the other one is chosen.
+    safe_time, safe_ratio = jnp.where(standard, time, 1.0), jnp.where(standard, ratio, 1.0)
+    spring = 1 / jnp.maximum(dmax**2 * safe_time**2 * safe_ratio**2, MIN_VALUE)
+    return Response(
+        stiffness=jnp.where(standard, spring, -time / dmax**2),
+        damping=jnp.where(standard, 2 / (dmax * safe_time), -ratio / dmax),
+        impedance=impedance(solimp, violation),
+    )
+
+
+def impedance(solimp: Float[Array, "5"], violation: Float[Array, ""]) -> Float[Array, ""]:
+    """The impedance d: from dmin at no violation to dmax at `width`, a power law on each side of
+    `midpoint`."""
+    dmin = jnp.clip(solimp[0], MIN_IMPEDANCE, MAX_IMPEDANCE)
+    dmax = jnp.clip(solimp[1], MIN_IMPEDANCE, MAX_IMPEDANCE)
+    width, power = solimp[2], jnp.maximum(solimp[4], 1.0)
+    middle = jnp.clip(solimp[3], MIN_IMPEDANCE, MAX_IMPEDANCE)
+    flat = width <= MIN_VALUE
+    x = jnp.abs(violation) / jnp.where(flat, 1.0, width)
+    inside = (x > 0) & (x < 1)
+    x_safe = jnp.where(inside, x, 0.5)
+    lower = x_safe <= middle
+    # One power law serves both sides: the upper one is the lower one turned by half a turn.
+    base, scale = jnp.where(lower, x_safe, 1 - x_safe), jnp.where(lower, middle, 1 - middle)
+    curve = scale * (base / scale) ** power
+    y = jnp.where(lower, curve, 1 - curve)
+    y = jnp.where(inside, y, jnp.where(x >= 1, 1.0, 0.0))
+    return jnp.where(flat, 0.5 * (dmin + dmax), dmin + y * (dmax - dmin))
+
+
+def _reference(opt: Option, solref: Float[Array, "2"]) -> tuple[Array, Array]:
+    """The two numbers of solref, a mixed format replaced, the time constant kept safe."""
+    mixed = (solref[0] > 0) != (solref[1] > 0)
+    time = jnp.where(mixed, DEFAULT_SOLREF[0], solref[0])
+    ratio = jnp.where(mixed, DEFAULT_SOLREF[1], solref[1])
+    if not opt.disabled(_REFSAFE_OFF):
+        time = jnp.where(time > 0, jnp.maximum(time, 2 * opt.timestep), time)
+    return time, ratio

@@ -1,0 +1,122 @@
+"""Three ways to solve with the Hessian `H = M + J^T W J` of the constraint problem.
+
+`articulated`: without rows that couple two moving links, H is the mass matrix of the same tree
+with link inertias `I + G^T W G` and joint armatures `d + w`; one walk in, one walk out, O(n).
+`dense`: J and H as matrices, Cholesky. `iterative`: conjugate gradients on products that cost
+O(n), preconditioned by the articulated solve that leaves the coupling out.
+All vectors are in tree order.
+"""
+
+import jax
+import jax.numpy as jnp
+from flax import struct
+from jaxtyping import Array, Float
+
+from jaxsim.constraint.block import Block
+from jaxsim.constraint.jacobian import Jacobian
+from jaxsim.dynamics.aba import articulated_solve
+from jaxsim.dynamics.crba import composite_mass_matrix_in_tree_order
+from jaxsim.dynamics.kinematics import Kinematics
+from jaxsim.dynamics.reflected import dof_armature
+from jaxsim.dynamics.rnea import tree_force
+from jaxsim.dynamics.tree import accumulate_outward, sum_by
+from jaxsim.dynamics.velocity import to_tree_order
+from jaxsim.model import Model
+from jaxsim.model.topology import Forest
+from jaxsim.solver import DenseOperator, Operator, pcg_solve
+from jaxsim.solver.operator import Rows
+from jaxsim.spatial import Inertia
+
+# Conjugate gradients end when the residual has shrunk by this many units of rounding.
+_CG_ROUNDING = 10.0
+# The number of distinct eigenvalues is small; more iterations than this mean a hopeless system.
+_CG_ITERATIONS = 200
+
+STRATEGIES = ("articulated", "dense", "iterative")
+
+
+@struct.dataclass
+class TreePoint:
+    """A point and the accelerations of the links that it causes."""
+
+    x: Float[Array, "nv"]
+    a: Float[Array, "njnt 6"]
+
+
+@struct.dataclass
+class TreeOperator:
+    """Products with M and J by walks over the tree; `solve` is articulated or iterative.
+
+    Attributes:
+      cdof: motion axes.
+      inertia: inertias of the links.
+      armature: of the degrees of freedom.
+      jacobians: one per block.
+      tree: the links, static.
+      exact: whether the articulated solve is the whole truth, static.
+    """
+
+    cdof: Float[Array, "nv 6"]
+    inertia: Inertia
+    armature: Float[Array, "nv"]
+    jacobians: tuple[Jacobian, ...]
+    tree: Forest = struct.field(pytree_node=False)
+    exact: bool = struct.field(pytree_node=False)
+
+    def lift(self, x: Float[Array, "nv"]) -> TreePoint:
+        """The point with the links' accelerations."""
+        rate = sum_by(self.cdof * x[:, None], self.tree.dof_node, len(self.tree))
+        return TreePoint(x, accumulate_outward(self.tree, rate))
+
+    def vector(self, y: TreePoint) -> Float[Array, "nv"]:
+        """The point itself."""
+        return y.x
+
+    def rows(self, y: TreePoint) -> Rows:
+        """`J x`."""
+        return tuple(J.apply(y.x, y.a) for J in self.jacobians)
+
+    def inner(self, y1: TreePoint, y2: TreePoint) -> Float[Array, ""]:
+        """`x1^T M x2`, link by link."""
+        momentum = jax.vmap(lambda inertia, a: inertia.apply(a))(self.inertia, y2.a)
+        return jnp.sum(y1.a * momentum) + jnp.sum(self.armature * y1.x * y2.x)
+
+    def residual(self, dy: TreePoint, forces: Rows) -> Float[Array, "nv"]:
+        """`J^T f - M dx`."""
+        wrench = -jax.vmap(lambda inertia, a: inertia.apply(a))(self.inertia, dy.a)
+        force = -self.armature * dy.x
+        for J, f in zip(self.jacobians, forces, strict=True):
+            dof, link = J.pull(self.tree, f)
+            force = force if dof is None else force + dof
+            wrench = wrench if link is None else wrench + link
+        return force + tree_force(self.tree, self.cdof, wrench)
+
+    def solve(self, curvatures: Rows, r: Float[Array, "nv"]) -> TreePoint:
+        """The lifted `(M + J^T W J)^-1 r`."""
+        matrix = jax.vmap(lambda inertia: inertia.as_matrix())(self.inertia)
+        diagonal = self.armature
+        for J, W in zip(self.jacobians, curvatures, strict=True):
+            dof, link = J.curvature(self.tree, W)
+            diagonal = diagonal if dof is None else diagonal + dof
+            matrix = matrix if link is None else matrix + link
+
+        def articulated(force):
+            return articulated_solve(self.tree, self.cdof, matrix, diagonal, force)
+
+        if self.exact:
+            return TreePoint(*articulated(r))
+        tolerance = _CG_ROUNDING * float(jnp.finfo(r.dtype).eps)
+        return pcg_solve(self, curvatures, r, lambda b: articulated(b)[0], tolerance, _CG_ITERATIONS)
+
+
+def make_operator(model: Model, kin: Kinematics, blocks: list[Block], strategy: str) -> Operator:
+    """The operator of a strategy from `STRATEGIES`."""
+    jacobians = tuple(block.jacobian for block in blocks)
+    if strategy == "dense":
+        return DenseOperator(
+            mass=composite_mass_matrix_in_tree_order(model, kin),
+            jacobian=tuple(J.dense(model.tree, kin.cdof) for J in jacobians),
+        )
+    armature = to_tree_order(model, dof_armature(model))
+    exact = strategy == "articulated"
+    return TreeOperator(kin.cdof, kin.inertia, armature, jacobians, model.tree, exact)

@@ -1,0 +1,90 @@
+"""Points of bodies: where two bodies are joined, and how such points move."""
+
+import jax
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+from flax import struct
+from jaxtyping import Array, Float
+
+from jaxsim.constraint.scene import Scene
+from jaxsim.dynamics.tree import accumulate_outward, take
+
+_SITE = int(mujoco.mjtObj.mjOBJ_SITE)
+
+
+@struct.dataclass
+class Ends:
+    """The two ends of each of n joined pairs; every field is a pair, first end first.
+
+    Attributes:
+      pos: points in the world (m).
+      omega: angular velocities of the bodies.
+      body: bodies, static.
+      link: links that carry them, -1 for none, static.
+    """
+
+    pos: tuple[Float[Array, "n 3"], Float[Array, "n 3"]]
+    omega: tuple[Float[Array, "n 3"], Float[Array, "n 3"]]
+    body: tuple = struct.field(pytree_node=False)
+    link: tuple = struct.field(pytree_node=False)
+
+
+def ends(scene: Scene, ids: np.ndarray, anchor1: Array, anchor2: Array) -> Ends:
+    """The ends of equality constraints: anchors on bodies, or sites.
+
+    Args:
+      scene: the scene.
+      ids: (n,) equality constraints.
+      anchor1: (n, 3) anchors in the frames of the first bodies.
+      anchor2: (n, 3) anchors in the frames of the second bodies.
+    """
+    model = scene.model
+    sites = model.eq_objtype[ids] == _SITE
+    pos, omega, body, link = [], [], [], []
+    for objects, anchor in ((model.eq_obj1id[ids], anchor1), (model.eq_obj2id[ids], anchor2)):
+        site = np.where(sites, objects, 0)
+        b = np.where(sites, model.site_bodyid[site] if model.nsite else 0, objects)
+        on_body = take(scene.kin.xpos, b) + jax.vmap(jnp.matmul)(take(scene.kin.xmat, b), anchor)
+        if sites.any():
+            on_body = jnp.where(sites[:, None], take(scene.kin.site_xpos, site), on_body)
+        pos.append(on_body)
+        body.append(b)
+        link.append(model.body_link[b])
+        omega.append(_of_links(scene.vel.cvel, link[-1])[:, :3])
+    return Ends(tuple(pos), tuple(omega), tuple(body), tuple(link))
+
+
+def twist_rows(scene: Scene, e: Ends, side: int, rotation: bool) -> Float[Array, "n d 6"]:
+    """Maps from a link's twist to the velocity of its point, and to its angular velocity."""
+    arm = e.pos[side] - _of_links(scene.link_origins(), e.link[side])
+    return jax.vmap(lambda r: point_map(r, rotation))(arm)
+
+
+def point_map(arm: Float[Array, "3"], rotation: bool) -> Float[Array, "d 6"]:
+    """`[[-arm x, 1]]`, from a twist to the velocity at `arm` from the reference point."""
+    eye = jnp.eye(3, dtype=arm.dtype)
+    # Row i of -[arm x] is arm x e_i.
+    linear = jnp.concatenate([jnp.stack([jnp.cross(arm, eye[i]) for i in range(3)]), eye], axis=1)
+    if not rotation:
+        return linear
+    return jnp.concatenate([linear, jnp.concatenate([eye, jnp.zeros_like(eye)], axis=1)])
+
+
+def bias_acceleration(scene: Scene, e: Ends) -> Float[Array, "n 6"]:
+    """`dJ/dt qvel` of the relative motion: linear of the points, then angular."""
+    spatial = accumulate_outward(scene.model.tree, scene.vel.cdof_dot_qvel)
+    total = 0.0
+    for side, sign in ((0, 1.0), (1, -1.0)):
+        arm = e.pos[side] - _of_links(scene.link_origins(), e.link[side])
+        a, v = (_of_links(x, e.link[side]) for x in (spatial, scene.vel.cvel))
+        velocity = v[:, 3:] + jnp.cross(v[:, :3], arm)
+        linear = a[:, 3:] + jnp.cross(a[:, :3], arm) + jnp.cross(v[:, :3], velocity)
+        total = total + sign * jnp.concatenate([linear, a[:, :3]], axis=1)
+    return total
+
+
+def _of_links(x: Array, link: np.ndarray) -> Array:
+    """Rows for links, zero for link -1."""
+    padded = jnp.concatenate([x, jnp.zeros_like(x[:1]) if len(x) else jnp.zeros((1, *x.shape[1:]), x.dtype)])
+    return take(padded, np.where(link < 0, len(x), link))

@@ -1,0 +1,28 @@
+"""What the constraint rows are computed from."""
+
+from flax import struct
+from jaxtyping import Array, Float
+
+from jaxsim.dynamics.kinematics import Kinematics
+from jaxsim.dynamics.tree import take
+from jaxsim.dynamics.velocity import Velocities, to_tree_order
+from jaxsim.model import Model
+
+
+@struct.dataclass
+class Scene:
+    """A model at one position and velocity."""
+
+    model: Model
+    kin: Kinematics
+    vel: Velocities
+    qpos: Float[Array, "nq"]
+    qvel: Float[Array, "nv"]
+
+    def velocity(self, jacobian) -> Array:
+        """`J qvel` of a block of rows."""
+        return jacobian.apply(to_tree_order(self.model, self.qvel), self.vel.cvel)
+
+    def link_origins(self) -> Float[Array, "njnt 3"]:
+        """The reference point of each link's tree."""
+        return take(self.kin.origin, self.model.tree.root)

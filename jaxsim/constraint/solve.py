@@ -1,0 +1,133 @@
+"""The constrained acceleration: all rows assembled, one convex problem solved."""
+
+import jax.numpy as jnp
+import mujoco
+from flax import struct
+from jaxtyping import Array, Float
+
+from jaxsim.collision import Contact
+from jaxsim.constraint.block import Block
+from jaxsim.constraint.contact import contact_blocks, contact_forces
+from jaxsim.constraint.equality import equality_blocks
+from jaxsim.constraint.friction import friction_blocks
+from jaxsim.constraint.limit import limit_blocks
+from jaxsim.constraint.operators import make_operator
+from jaxsim.constraint.scene import Scene
+from jaxsim.dynamics.velocity import from_tree_order, to_tree_order
+from jaxsim.model import Model
+from jaxsim.solver import Operator, Problem, SolverStatus, attach, solve
+
+_CONSTRAINT_OFF = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+_CONTACT_OFF = mujoco.mjtDisableBit.mjDSBL_CONTACT
+_WARMSTART_OFF = mujoco.mjtDisableBit.mjDSBL_WARMSTART
+
+# Up to this many degrees of freedom a dense factor is cheaper than conjugate gradients.
+DENSE_LIMIT = 64
+
+
+@struct.dataclass
+class Constrained:
+    """The outcome of the constraint problem, in MuJoCo's order.
+
+    Attributes:
+      qacc: acceleration.
+      qfrc_constraint: generalised force of all constraints.
+      blocks: the rows, equalities first, then dry friction, limits and contacts.
+      forces: force of each row, block by block.
+      contact_force: (force, torque) of each contact in its frame.
+      status: how the solver fared; None without constraints.
+    """
+
+    qacc: Float[Array, "nv"]
+    qfrc_constraint: Float[Array, "nv"]
+    blocks: tuple[Block, ...]
+    forces: tuple[Array, ...]
+    contact_force: Float[Array, "nc 6"]
+    status: SolverStatus
+
+
+def constraint_blocks(scene: Scene, contact: Contact) -> list[Block]:
+    """All constraint rows, in MuJoCo's order."""
+    if scene.model.opt.disabled(_CONSTRAINT_OFF) or scene.model.nv == 0:
+        return []
+    blocks = [*equality_blocks(scene), *friction_blocks(scene), *limit_blocks(scene)]
+    if not scene.model.opt.disabled(_CONTACT_OFF):
+        blocks += contact_blocks(scene, contact)
+    return blocks
+
+
+def constrained_acceleration(
+    scene: Scene,
+    contact: Contact,
+    qacc_smooth: Float[Array, "nv"],
+    qacc_warmstart: Float[Array, "nv"],
+) -> Constrained:
+    """Minimises `1/2 |a - qacc_smooth|_M^2 + s(J a - aref)` over accelerations a.
+
+    The derivative is that of the exact minimum, whatever found it: see `jaxsim.solver.implicit`.
+
+    Args:
+      scene: model, position and velocity.
+      contact: the contacts there.
+      qacc_smooth: acceleration without constraints.
+      qacc_warmstart: a guess.
+    """
+    model = scene.model
+    blocks = constraint_blocks(scene, contact)
+    operator = make_operator(model, scene.kin, blocks, choose_strategy(model, blocks))
+    problem = Problem(tuple(block.kind for block in blocks))
+    smooth = to_tree_order(model, qacc_smooth)
+    status = _unconstrained_status(qacc_smooth)
+    x = smooth
+    if blocks:
+        found = solve(
+            problem,
+            operator,
+            to_tree_order(model, qacc_warmstart),
+            smooth,
+            iterations=model.opt.iterations,
+            ls_iterations=model.opt.ls_iterations,
+            tolerance=model.opt.tolerance,
+            ls_tolerance=model.opt.ls_tolerance,
+            scale=1 / (model.stat.meaninertia * max(1, model.nv)),
+            warmstart=not model.opt.disabled(_WARMSTART_OFF),
+        )
+        x, status = attach(found.x, problem, operator, smooth), found.status
+    forces = problem.forces(operator.rows(operator.lift(x)))
+    contacts = [f for f, b in zip(forces, blocks, strict=True) if b.name.startswith("contact")]
+    return Constrained(
+        qacc=from_tree_order(model, x),
+        qfrc_constraint=from_tree_order(model, _pulled(operator, forces, x)),
+        blocks=tuple(blocks),
+        forces=forces,
+        contact_force=contact_forces(scene, contact, contacts)
+        if contacts
+        else jnp.zeros((contact.dist.shape[0], 6), x.dtype),
+        status=status,
+    )
+
+
+def choose_strategy(model: Model, blocks: list[Block]) -> str:
+    """The model's own choice, or articulated where nothing couples two moving links, dense for
+    few degrees of freedom, iterative for many."""
+    if model.hessian != "auto":
+        return model.hessian
+    if not any(block.jacobian.coupled for block in blocks):
+        return "articulated"
+    return "dense" if model.nv <= DENSE_LIMIT else "iterative"
+
+
+def _pulled(operator: Operator, forces, x):
+    """`J^T f`."""
+    return operator.residual(operator.lift(jnp.zeros_like(x)), forces)
+
+
+def _unconstrained_status(like: Array) -> SolverStatus:
+    zero = jnp.zeros((), like.dtype)
+    return SolverStatus(
+        iterations=jnp.zeros((), jnp.int32),
+        residual=zero,
+        improvement=zero,
+        cost=zero,
+        finite=jnp.ones((), bool),
+    )
