@@ -65,10 +65,9 @@ def test_exp_is_the_matrix_exponential(rotation_vectors, vectors, x64):
 
 def test_log_inverts_exp(rotation_vectors, vectors, precision):
     inside = np.linalg.norm(rotation_vectors, axis=1) < 3.1415
-    V = np.concatenate([rotation_vectors, vectors], axis=1)[inside]
-    V = jnp.asarray(V, precision.dtype)
+    V = jnp.asarray(np.concatenate([rotation_vectors, vectors], axis=1), precision.dtype)
     back = jax.vmap(lambda x: se3_log(se3_exp(x)))(V)
-    assert_allclose(back, V, rtol=0, atol=4 * precision.atol)
+    assert_allclose(back[inside], V[inside], rtol=0, atol=4 * precision.atol)
 
 
 def test_exp_inverts_log(poses, precision):
