@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from jaxsim.collision.contact import Block
-from jaxsim.collision.table import HFIELD, PAIRS, PLANE, supported_pairs, type_name
+from jaxsim.collision.table import PAIRS, supported_pairs, type_name
 from jaxsim.model.errors import ModelError
 
 
@@ -190,11 +190,9 @@ def _explicit(model: Any, geom1: np.ndarray, geom2: np.ndarray) -> np.ndarray:
 
 
 def _ordered_by_type(model: Any, rows: np.ndarray) -> np.ndarray:
-    """Swap the geoms so that the lower type comes first; drop pairs that MuJoCo never collides."""
+    """Swap the geoms of a pair where needed, so that the lower type comes first."""
     types = np.asarray(model.geom_type)[rows[:, :2]]
-    swapped = np.where((types[:, 0] > types[:, 1])[:, None], rows[:, [1, 0, 2]], rows)
-    unbounded = np.isin(types, (PLANE, HFIELD)).all(axis=1)
-    return swapped[~unbounded]
+    return np.where((types[:, 0] > types[:, 1])[:, None], rows[:, [1, 0, 2]], rows)
 
 
 def _check_supported(model: Any, rows: np.ndarray) -> None:

@@ -17,7 +17,7 @@ from jaxtyping import Array, Float, Int
 from jaxsim.collision.bounds import distance_bound
 from jaxsim.collision.candidates import Candidates, PairGroup
 from jaxsim.collision.contact import Contact
-from jaxsim.collision.parameters import contact_margin, contact_parameters, detection_distance
+from jaxsim.collision.parameters import contact_margin, contact_parameters
 from jaxsim.collision.rows import Index, rows
 from jaxsim.collision.shapes import Contacts, Shape
 from jaxsim.collision.table import PAIRS
@@ -79,8 +79,7 @@ def _evaluate(
     if max_pairs is not None and max_pairs < len(group):
         ids, lost = _closest(model, group, shapes, max_pairs)
     entry = PAIRS[group.types]
-    reach = detection_distance(model, *ids).astype(shapes.pos.dtype)
-    contacts = jax.vmap(entry.function)(_take(shapes, ids[0]), _take(shapes, ids[1]), reach)
+    contacts = jax.vmap(entry.function)(_take(shapes, ids[0]), _take(shapes, ids[1]))
     flat = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), contacts)
     return _Slots(flat, *(i.repeat(entry.max_contacts) for i in ids)), lost
 

@@ -79,13 +79,6 @@ def contact_margin(model: Any, geom1: Index, geom2: Index, pair: Index) -> Float
     return _choose(model, pair, model.pair_margin, margin)
 
 
-def detection_distance(model: Any, geom1: Index, geom2: Index, pair: Index) -> Float[Array, "n"]:
-    """Distance below which MuJoCo lists contacts: margin plus gap."""
-    gap = rows(model.geom_gap, geom1) + rows(model.geom_gap, geom2)
-    gap = _choose(model, pair, model.pair_gap, gap)
-    return contact_margin(model, geom1, geom2, pair) + gap
-
-
 def mix(
     first: Surface, second: Surface
 ) -> tuple[Float[Array, "3"], Float[Array, "2"], Float[Array, "5"]]:

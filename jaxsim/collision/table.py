@@ -1,14 +1,13 @@
 """Which function handles which pair of shape types.
 
-To support another pair, write a function `(first, second, reach) -> Contacts` under `pairs/` and
-add a line here. The lower type number (`mujoco.mjtGeom`) comes first, as in MuJoCo.
+To support another pair, write a function `(first, second) -> Contacts` under `pairs/` and add a
+line here. The lower type number (`mujoco.mjtGeom`) comes first, as in MuJoCo.
 """
 
 import dataclasses
 from collections.abc import Callable
 
 import mujoco
-from jaxtyping import Array, Float
 
 from jaxsim.collision.pairs.capsule import capsule_capsule, sphere_capsule, sphere_sphere
 from jaxsim.collision.pairs.plane import (
@@ -21,7 +20,6 @@ from jaxsim.collision.pairs.plane import (
 from jaxsim.collision.shapes import Contacts, Shape
 
 PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)
-HFIELD = int(mujoco.mjtGeom.mjGEOM_HFIELD)
 SPHERE = int(mujoco.mjtGeom.mjGEOM_SPHERE)
 CAPSULE = int(mujoco.mjtGeom.mjGEOM_CAPSULE)
 ELLIPSOID = int(mujoco.mjtGeom.mjGEOM_ELLIPSOID)
@@ -33,7 +31,7 @@ BOX = int(mujoco.mjtGeom.mjGEOM_BOX)
 class PairFunction:
     """A function of two shapes and the number of contact slots that it fills."""
 
-    function: Callable[[Shape, Shape, Float[Array, ""]], Contacts]
+    function: Callable[[Shape, Shape], Contacts]
     max_contacts: int
 
 

@@ -8,100 +8,83 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxsim.collision.frames import direction, frame_of_normal, smallest_length, unit
+from jaxsim.collision.frames import direction, frame_of_normal, unit
 from jaxsim.collision.shapes import INACTIVE, Contacts, Shape
 
-# Squared area of the axes' parallelogram below which MuJoCo calls two capsules parallel (mjMINVAL).
-PARALLEL = 1e-15
+# Two axes are parallel if the squared sine of their angle is below this, as in MuJoCo 3.17.
+PARALLEL = 1e-8
 
 
-def sphere_sphere(first: Shape, second: Shape, _reach: Float[Array, ""]) -> Contacts:
+def sphere_sphere(first: Shape, second: Shape) -> Contacts:
     """One contact, on the line of the centres.
 
     Coincident centres have no such line: the normal is then the cross product of the third axes, or
     the world's x axis if these are parallel, and the distance has derivative zero.
     """
-    return _spheres(first, second, jnp.zeros(1, first.pos.dtype), jnp.zeros(1, first.pos.dtype))
+    centre = jnp.zeros(1, first.pos.dtype)
+    return _spheres(first, second, centre, centre)
 
 
-def sphere_capsule(sphere: Shape, capsule: Shape, _reach: Float[Array, ""]) -> Contacts:
+def sphere_capsule(sphere: Shape, capsule: Shape) -> Contacts:
     """One contact, with the point of the capsule's segment closest to the sphere's centre."""
     along = capsule.axis @ (sphere.pos - capsule.pos) / capsule.size[1]
     return _spheres(sphere, capsule, jnp.zeros(1, along.dtype), jnp.clip(along, -1, 1)[None])
 
 
-def capsule_capsule(first: Shape, second: Shape, reach: Float[Array, ""]) -> Contacts:
+def capsule_capsule(first: Shape, second: Shape) -> Contacts:
     """One contact at the closest points of the two segments, or two if the axes are parallel.
 
-    Points of the segments are `p_i + x_i a_i`, a_i the half-length vectors, x_i in [-1, 1], and
-    d = p_1 - p_2. The lines' closest points have `x_1 = -(d x a_2) . w / w . w, w = a_1 x a_2`.
-    Parallel capsules have no unique answer; like MuJoCo, take the first two ends within `reach` of
-    the other capsule, in the order +a_1, -a_1, +a_2, -a_2.
-
-    Args:
-      first: a capsule.
-      second: a capsule.
-      reach: distance within which contacts count; it only decides which ends are kept.
+    Parallel capsules touch along a line; the contacts are at the ends of the part that both share,
+    or twice at the tips if they share none. Other capsules leave the second slot empty.
     """
     segments = _Segments(first, second)
     x1, x2 = segments.closest()
-    ends1, ends2, found = segments.closest_ends(reach + first.size[0] + second.size[0])
-    two = segments.parallel & found
-    x1 = jnp.where(two, ends1, x1)
-    x2 = jnp.where(two, ends2, x2)
-    contacts = _spheres(first, second, x1, x2)
-    empty = jnp.stack([jnp.zeros_like(two[0]), ~two[1]])
+    end1, end2 = jax.vmap(segments.end_of_overlap)(jnp.asarray([-1.0, 1.0], x1.dtype))
+    parallel = segments.parallel
+    contacts = _spheres(first, second, jnp.where(parallel, end1, x1), jnp.where(parallel, end2, x2))
+    empty = jnp.array([False, True]) & ~parallel
     return contacts.replace(dist=jnp.where(empty, INACTIVE, contacts.dist))
 
 
 class _Segments:
-    """Two segments `p_i + x_i a_i` and the points that are closest to each other."""
+    """Two segments `p_i + x_i a_i`, x_i in [-1, 1], where d = p_1 - p_2 and w = a_1 x a_2."""
 
     def __init__(self, first: Shape, second: Shape):
         self.a1 = first.axis * first.size[1]
         self.a2 = second.axis * second.size[1]
         self.d = first.pos - second.pos
         self.square1, self.square2 = self.a1 @ self.a1, self.a2 @ self.a2
-        # By cross products, because a Gram determinant cancels in float32 long before the axes
-        # are parallel.
+        # Cross products, because a Gram determinant cancels in float32 long before the axes are
+        # parallel.
         self.w = jnp.cross(self.a1, self.a2)
         self.area = self.w @ self.w
-        noise = (2 * smallest_length(self.d)) ** 2 * self.square1 * self.square2
-        self.parallel = self.area < jnp.maximum(PARALLEL, noise)
+        self.parallel = self.area < PARALLEL * self.square1 * self.square2
 
-    def onto_first(self, x2: Float[Array, "..."]) -> Float[Array, "..."]:
-        """Closest point of the first segment to a point of the second."""
-        return jnp.clip((x2 * (self.a1 @ self.a2) - self.a1 @ self.d) / self.square1, -1, 1)
+    def onto_first(self, x2: Float[Array, ""]) -> Float[Array, ""]:
+        """Point of the first line closest to a point of the second."""
+        return (x2 * (self.a1 @ self.a2) - self.a1 @ self.d) / self.square1
 
-    def onto_second(self, x1: Float[Array, "..."]) -> Float[Array, "..."]:
-        """Closest point of the second segment to a point of the first."""
-        return jnp.clip((x1 * (self.a1 @ self.a2) + self.a2 @ self.d) / self.square2, -1, 1)
+    def onto_second(self, x1: Float[Array, ""]) -> Float[Array, ""]:
+        """Point of the second line closest to a point of the first."""
+        return (x1 * (self.a1 @ self.a2) + self.a2 @ self.d) / self.square2
 
-    def closest(self) -> tuple[Float[Array, "1"], Float[Array, "1"]]:
-        """The closest points; some pair of them if the segments are parallel."""
+    def closest(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """The closest points.
+
+        Those of the lines satisfy `x_1 = -(d x a_2) . w / w . w`; clipping to one segment and
+        projecting to the other, twice, gives those of the segments.
+        """
         area = jnp.where(self.parallel, 1.0, self.area)
         x1 = jnp.clip(-jnp.cross(self.d, self.a2) @ self.w / area, -1, 1)
-        x2 = self.onto_second(x1)
-        return self.onto_first(x2)[None], x2[None]
+        x2 = jnp.clip(self.onto_second(x1), -1, 1)
+        return jnp.clip(self.onto_first(x2), -1, 1), x2
 
-    def closest_ends(self, radius: Float[Array, ""]):
-        """The first two ends whose closest point on the other segment is within a radius.
-
-        Returns:
-          `x_1` (2,), `x_2` (2,), and whether there is a first and a second such end (2,).
-        """
-        ends = jnp.asarray([1.0, -1.0], self.d.dtype)
-        x1 = jnp.concatenate([ends, self.onto_first(ends)])
-        x2 = jnp.concatenate([self.onto_second(ends), ends])
-        apart = jax.vmap(lambda y1, y2: self.d + y1 * self.a1 - y2 * self.a2)(x1, x2)
-        within = jnp.sum(apart * apart, axis=1) <= radius**2
-        place = jnp.cumsum(within.astype(int))
-        chosen = jnp.stack([within & (place == 1), within & (place == 2)])
-
-        def pick(x):
-            return jnp.sum(jnp.where(chosen, x[None], 0.0), axis=1)
-
-        return pick(x1), pick(x2), jnp.any(chosen, axis=1)
+    def end_of_overlap(self, end2: Float[Array, ""]) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """The end of the shared part of parallel segments that is on the side of `x_2 = end2`."""
+        x1 = self.onto_first(end2)
+        inside = jnp.abs(x1) < 1
+        x1 = jnp.clip(x1, -1, 1)
+        return x1, jnp.where(inside, end2, jnp.clip(self.onto_second(x1), -1, 1))
 
 
 def _spheres(first: Shape, second: Shape, x1: Float[Array, "k"], x2: Float[Array, "k"]) -> Contacts:

@@ -14,13 +14,13 @@ from jaxsim.collision.frames import direction, frame_along, frame_of_normal
 from jaxsim.collision.shapes import Contacts, Shape
 
 
-def plane_sphere(plane: Shape, sphere: Shape, _reach: Float[Array, ""]) -> Contacts:
+def plane_sphere(plane: Shape, sphere: Shape) -> Contacts:
     """One contact, at the sphere's lowest point."""
     lowest = sphere.pos - plane.axis * sphere.size[0]
     return _at_points(plane, lowest[None], frame_of_normal(plane.axis))
 
 
-def plane_capsule(plane: Shape, capsule: Shape, _reach: Float[Array, ""]) -> Contacts:
+def plane_capsule(plane: Shape, capsule: Shape) -> Contacts:
     """Two contacts, one for each end's sphere; the first tangent follows the capsule's axis."""
     half = capsule.axis * capsule.size[1]
     lowest = capsule.pos - plane.axis * capsule.size[0]
@@ -28,7 +28,7 @@ def plane_capsule(plane: Shape, capsule: Shape, _reach: Float[Array, ""]) -> Con
     return _at_points(plane, points, frame_along(plane.axis, capsule.axis))
 
 
-def plane_ellipsoid(plane: Shape, ellipsoid: Shape, _reach: Float[Array, ""]) -> Contacts:
+def plane_ellipsoid(plane: Shape, ellipsoid: Shape) -> Contacts:
     """One contact, at the support point: with S = diag(size), x = -S S m / |S m|, m = R^T n."""
     scaled = ellipsoid.size * (ellipsoid.mat.T @ plane.axis)
     lowest = -ellipsoid.size * scaled / jnp.sqrt(scaled @ scaled)
@@ -36,7 +36,7 @@ def plane_ellipsoid(plane: Shape, ellipsoid: Shape, _reach: Float[Array, ""]) ->
     return _at_points(plane, point[None], frame_of_normal(plane.axis))
 
 
-def plane_cylinder(plane: Shape, cylinder: Shape, _reach: Float[Array, ""]) -> Contacts:
+def plane_cylinder(plane: Shape, cylinder: Shape) -> Contacts:
     """Four contacts: the lowest points of both caps, and two more on the rim of the lower cap.
 
     The three points of the lower cap form an equilateral triangle. A standing cylinder has no
@@ -57,7 +57,7 @@ def plane_cylinder(plane: Shape, cylinder: Shape, _reach: Float[Array, ""]) -> C
 _DIAGONALS = np.array([[1, 1, 1], [1, 1, -1], [1, -1, 1], [1, -1, -1]])
 
 
-def plane_box(plane: Shape, box: Shape, _reach: Float[Array, ""]) -> Contacts:
+def plane_box(plane: Shape, box: Shape) -> Contacts:
     """Four contacts, at the corners below the box's centre.
 
     Exactly one end of each diagonal is below the centre, so no sorting is needed. Where a diagonal
