@@ -2,7 +2,7 @@
 
 Of the many matrices C with the right product `C qvel`, this is the one for which `dM/dt - 2 C` is
 skew-symmetric, the property behind passivity-based control: Coriolis forces do no work. It is a
-sum over the links of `J^T (I dJ/dt + B J)`, where B factors each link's own velocity-dependent
+sum over the links of `J^T (G dJ/dt + B J)` with inertia G, where B factors each link's own velocity-dependent
 force. Echeandia and Wensing, Numerical methods to compute the Coriolis matrix and Christoffel
 symbols for rigid-body systems (2021), section 3.
 """
@@ -38,8 +38,8 @@ def coriolis_matrix(model: Model, kin: Kinematics, vel: Velocities) -> Float[Arr
     inertia, factor = take(inertia, tree.dof_node), take(factor, tree.dof_node)
     rate = _axis_rates(model, kin, vel)
     # Rows i and columns j; the deeper of the two links carries everything that both move.
-    from_row = jax.vmap(lambda S, I, B: (S @ I, S @ B))(kin.cdof, inertia, factor)
-    from_column = jax.vmap(lambda S, dS, I, B: I @ dS + B @ S)(kin.cdof, rate, inertia, factor)
+    from_row = jax.vmap(lambda S, G, B: (S @ G, S @ B))(kin.cdof, inertia, factor)
+    from_column = jax.vmap(lambda S, dS, G, B: G @ dS + B @ S)(kin.cdof, rate, inertia, factor)
     row_deeper = from_row[0] @ rate.T + from_row[1] @ kin.cdof.T
     column_deeper = kin.cdof @ from_column.T
     moves = tree.moves[tree.dof_node]
@@ -48,7 +48,7 @@ def coriolis_matrix(model: Model, kin: Kinematics, vel: Velocities) -> Float[Arr
 
 
 def _link_factor(inertia: Inertia, matrix, v) -> Float[Array, "6 6"]:
-    """B with `B v = v x* (I v)` and `dI/dt - 2 B` skew-symmetric, for one link."""
+    """B with `B v = v x* (G v)` and `dG/dt - 2 B` skew-symmetric, for one link."""
     momentum = inertia.apply(v)
     across = ad(v)
     return 0.5 * (-across.T @ matrix + _momentum_cross(momentum) - matrix @ across)

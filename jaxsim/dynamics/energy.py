@@ -10,9 +10,9 @@ import mujoco
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.dynamics.joints import BALL, FREE
 from jaxsim.dynamics.kinematics import Kinematics
+from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.dynamics.rnea import gravity
 from jaxsim.dynamics.tendon import tendon_length
 from jaxsim.dynamics.tree import take

@@ -23,8 +23,8 @@ def check_mass_matrix(mj: mujoco.MjModel) -> None:
         pivot, column = matrix[k, k], matrix[:k, k]
         if not pivot > _MIN_PIVOT * scale[k]:
             raise ModelError(
-                f"{_joint_label(mj, mj.dof_jntid[k])}: the mass matrix is singular at qpos0; remove "
-                "the joint if others can make the same motion, or give it armature"
+                f"{_joint_label(mj, mj.dof_jntid[k])}: the mass matrix is singular at qpos0; "
+                "remove the joint if others can make the same motion, or give it armature"
             )
         (rows,) = np.nonzero(column)
         matrix[np.ix_(rows, rows)] -= np.outer(column[rows], column[rows]) / pivot
