@@ -120,7 +120,7 @@ def scene():
 
 @pytest.fixture
 def random_case():
-    """Function (seed, nv) to (problem, operator, x_smooth) with two blocks or so of each kind."""
+    """Function (seed, nv) to (problem, operator, x_smooth) with a block of each kind."""
 
     def build(seed: int, nv: int = 7):
         rng = np.random.default_rng(seed)
@@ -136,7 +136,7 @@ def random_case():
             Quadratic(normal(2), positive(2)),
             Huber(normal(2, 2), positive(2, 2), positive(2, 2)),
             Unilateral(normal(5), positive(5)),
-            *(cone(normal, positive, n, d) for n, d in ((3, 3), (2, 4))),
+            cone(normal, positive, 4, 3),
         ]
         factor = normal(nv, nv)
         mass = factor @ factor.T + 0.5 * jnp.eye(nv, dtype=dtype)

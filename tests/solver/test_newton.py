@@ -5,10 +5,16 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsim.solver import DenseOperator, Problem, Unilateral, solve
+from jaxsim.solver import DenseOperator, Problem, Unilateral
 
-SCENES = [("elliptic", d, r) for d in (1, 3, 4, 6) for r in (1.0, 5.0)] + [
-    ("pyramidal", d, 1.0) for d in (1, 3, 4, 6)
+SCENES = [
+    ("elliptic", 1, 1.0),
+    ("elliptic", 3, 1.0),
+    ("elliptic", 3, 5.0),
+    ("elliptic", 4, 1.0),
+    ("elliptic", 6, 5.0),
+    ("pyramidal", 3, 1.0),
+    ("pyramidal", 6, 1.0),
 ]
 
 
@@ -57,12 +63,11 @@ def test_the_gradient_of_the_objective_vanishes(x64, random_case, solve_tight, s
         return 0.5 * dx @ operator.mass @ dx + problem.cost(operator.rows(operator.lift(x)))
 
     solution = solve_tight(problem, operator, x_smooth)
-    gradient = jax.grad(objective)(solution.x)
+    least, gradient = jax.jit(jax.value_and_grad(objective))(solution.x)
     assert np.abs(gradient).max() < 1e-12
-    np.testing.assert_allclose(solution.status.cost, objective(solution.x), rtol=1e-13)
-    for seed in range(20):
-        away = 0.1 * jax.random.normal(jax.random.key(seed), x_smooth.shape)
-        assert objective(solution.x + away) > objective(solution.x)
+    np.testing.assert_allclose(solution.status.cost, least, rtol=1e-13)
+    away = 0.1 * np.random.default_rng(0).normal(size=(20, x_smooth.size))
+    assert (jax.jit(jax.vmap(objective))(solution.x[None] + away) > least).all()
 
 
 def test_complementarity_of_unilateral_rows(x64, random_case, solve_tight):
@@ -72,11 +77,13 @@ def test_complementarity_of_unilateral_rows(x64, random_case, solve_tight):
     operator = DenseOperator(operator.mass, operator.jacobian[2:3])
     solution = solve_tight(problem, operator, x_smooth)
     (r,), (f,) = operator.rows(solution.y), problem.forces(operator.rows(solution.y))
-    assert (f >= 0).all() and (r > -1e-6).all() and (f > 0).any()
+    assert (f >= 0).all()
+    assert (f > 0).any()
+    assert (r > -1e-6).all()
     assert np.abs(f * jnp.maximum(r, 0)).max() == 0
 
 
-@pytest.mark.parametrize("iterations", [0, 1, 2, 4])
+@pytest.mark.parametrize("iterations", [0, 1])
 def test_the_cost_falls_with_every_iteration(x64, scene, solve_tight, iterations):
     case = scene("elliptic", 3)
     args = case.problem, case.operator, case.x_smooth, case.x_warm
@@ -84,11 +91,10 @@ def test_the_cost_falls_with_every_iteration(x64, scene, solve_tight, iterations
     more = solve_tight(*args, iterations=iterations + 1).status
     assert fewer.iterations == iterations
     assert more.cost < fewer.cost
-    if iterations:
-        np.testing.assert_allclose(fewer.cost - more.cost, more.improvement, rtol=1e-9)
+    np.testing.assert_allclose(fewer.cost - more.cost, more.improvement, rtol=1e-9)
 
 
-@pytest.mark.parametrize("ls_iterations", [1, 2, 4, 8, 9, 50])
+@pytest.mark.parametrize("ls_iterations", [1, 9])
 def test_every_line_search_length_descends(scene, solve_tight, ls_iterations):
     case = scene("elliptic", 3)
     args = case.problem, case.operator, case.x_smooth, case.x_warm
@@ -131,21 +137,19 @@ def test_vmap_is_the_solver_of_every_lane(x64, random_case, solve_tight):
 
 
 @pytest.mark.parametrize("iterations", [1, 100])
-def test_a_step_that_is_not_finite_is_refused(random_case, iterations):
+def test_a_step_that_is_not_finite_is_refused(random_case, solve_tight, iterations):
     problem, operator, x_smooth = random_case(0)
     broken = operator.replace(mass=-operator.mass - 1e3 * jnp.eye(len(x_smooth)))
-    options = {"ls_iterations": 4, "tolerance": 0.0, "ls_tolerance": 0.01, "scale": 1.0}
-    solution = solve(problem, broken, x_smooth, x_smooth, iterations=iterations, **options)
+    solution = solve_tight(problem, broken, x_smooth, iterations=iterations)
     np.testing.assert_array_equal(solution.x, x_smooth)
     assert not solution.status.finite
     assert solution.status.iterations == 0
 
 
 @pytest.mark.parametrize("nv", [0, 1])
-@pytest.mark.parametrize("iterations", [1, 4])
-def test_smallest_problems(random_case, solve_tight, nv, iterations):
+def test_smallest_problems(random_case, solve_tight, nv):
     problem, operator, x_smooth = random_case(0, nv)
-    solution = solve_tight(problem, operator, x_smooth, iterations=iterations)
+    solution = solve_tight(problem, operator, x_smooth)
     assert solution.x.shape == (nv,)
     assert np.isfinite(solution.status.cost)
 
@@ -165,12 +169,8 @@ def test_padding_changes_nothing(x64, random_case, solve_tight):
     """Rows with D = 0 leave solution and status as they are, whatever their Jacobian."""
     problem, operator, x_smooth = random_case(3)
 
-    def padded(block):
-        extra = jax.tree.map(lambda a: jnp.concatenate([a, jnp.zeros_like(a)]), block)
-        return extra
-
-    more = Problem(tuple(padded(b) for b in problem.blocks))
-    rows = tuple(jnp.concatenate([J, J + 1]) for J in operator.jacobian)
+    more = jax.tree.map(lambda a: np.concatenate([a, np.zeros_like(a)]), problem)
+    rows = tuple(np.concatenate([J, np.asarray(J) + 1]) for J in operator.jacobian)
     plain = solve_tight(problem, operator, x_smooth)
     with_padding = solve_tight(more, DenseOperator(operator.mass, rows), x_smooth)
     np.testing.assert_allclose(with_padding.x, plain.x, atol=1e-13)

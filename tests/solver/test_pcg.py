@@ -1,0 +1,76 @@
+"""Conjugate gradients: the same answers and derivatives as the dense solve."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from flax import struct
+
+from jaxsim.solver import DenseOperator, attach, hessian_product, pcg, pcg_solve
+
+
+@struct.dataclass
+class MatrixFree(DenseOperator):
+    """The dense operator with its solve replaced, preconditioned with the mass matrix."""
+
+    def solve(self, curvatures, r):
+        def precondition(r):
+            return jnp.linalg.solve(self.mass, r)
+
+        return pcg_solve(self, curvatures, r, precondition, tolerance=1e-14, iterations=40)
+
+
+def matrix_free(operator):
+    return MatrixFree(**{f.name: getattr(operator, f.name) for f in dataclasses.fields(operator)})
+
+
+def test_hessian_product(x64, random_case):
+    problem, operator, x = random_case(0)
+    curvatures = problem.curvatures(operator.rows(operator.lift(x)))
+    expected = operator.hessian(curvatures) @ x
+    np.testing.assert_allclose(hessian_product(operator, curvatures, x), expected, rtol=1e-12)
+
+
+def test_newton_with_conjugate_gradients(x64, random_case, solve_tight):
+    problem, operator, x_smooth = random_case(1)
+    dense = solve_tight(problem, operator, x_smooth)
+    free = solve_tight(problem, matrix_free(operator), x_smooth)
+    np.testing.assert_allclose(free.x, dense.x, atol=1e-10)
+
+
+def test_derivatives(x64, random_case, solve_tight):
+    """Reverse mode transposes the solve; second derivatives differentiate it."""
+    problem, operator, x_smooth = random_case(1)
+    x = solve_tight(problem, operator, x_smooth).x
+
+    def total(jacobian, operator):
+        return jnp.sum(attach(x, problem, operator.replace(jacobian=jacobian), x_smooth) ** 2)
+
+    dense = jax.jit(jax.grad(total))(operator.jacobian, operator)
+    free = jax.jit(jax.grad(total))(operator.jacobian, matrix_free(operator))
+    for a, b in zip(dense, free, strict=True):
+        np.testing.assert_allclose(b, a, atol=1e-10)
+
+
+@pytest.mark.parametrize("size", [0, 1, 6])
+def test_exact_after_as_many_products_as_unknowns(x64, size):
+    factor = np.random.default_rng(0).normal(size=(size, size))
+    A, b = jnp.asarray(factor @ factor.T + np.eye(size)), jnp.arange(1.0, size + 1)
+    x = pcg(lambda x: A @ x, lambda r: r, b, 0.0, size)
+    np.testing.assert_allclose(A @ x, b, atol=1e-10)
+
+
+def test_a_perfect_preconditioner_needs_one_product():
+    A, b = jnp.diag(jnp.array([1.0, 10.0, 100.0])), jnp.ones(3)
+    x = pcg(lambda x: A @ x, lambda r: jnp.linalg.solve(A, r), b, 0.0, 1)
+    np.testing.assert_allclose(A @ x, b, rtol=1e-6)
+
+
+def test_zero_and_broken_systems_stay_finite():
+    zero = pcg(lambda x: x, lambda r: r, jnp.zeros(3), 1e-6, 10)
+    indefinite = pcg(lambda x: -x, lambda r: r, jnp.ones(3), 1e-6, 10)
+    broken = pcg(lambda x: x * jnp.nan, lambda r: r, jnp.ones(3), 1e-6, 10)
+    for x in (zero, indefinite, broken):
+        np.testing.assert_array_equal(x, 0)
