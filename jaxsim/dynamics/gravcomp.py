@@ -1,0 +1,27 @@
+"""Gravity compensation: forces that carry part of a body's weight."""
+
+import jax.numpy as jnp
+import mujoco
+from jaxtyping import Array, Float
+
+from jaxsim.dynamics.kinematics import Kinematics
+from jaxsim.dynamics.rnea import gravity, project_wrench
+from jaxsim.model import Model
+
+_SPRING = mujoco.mjtDisableBit.mjDSBL_SPRING
+_DAMPER = mujoco.mjtDisableBit.mjDSBL_DAMPER
+
+
+def qfrc_gravcomp(model: Model, kin: Kinematics) -> Float[Array, "nv"]:
+    """Generalised forces of `-gravcomp * mass * gravity` at the bodies' centres of mass.
+
+    They are passive forces, or forces of the actuators where the joint says `actgravcomp`.
+    Switching off both springs and dampers switches off every passive force, these too.
+    """
+    if not model.has_gravcomp or (model.opt.disabled(_SPRING) and model.opt.disabled(_DAMPER)):
+        return jnp.zeros_like(model.dof_damping)
+    weight = model.body_mass * model.body_gravcomp
+    force = -weight[:, None] * gravity(model)[None]
+    return project_wrench(
+        model, kin, jnp.concatenate([jnp.zeros_like(force), force], axis=1), kin.xipos
+    )

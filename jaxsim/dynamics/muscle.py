@@ -1,0 +1,111 @@
+"""Muscles: activation that follows the control, and force that depends on length and velocity.
+
+MuJoCo documentation, chapter Modeling, section "Muscles". Curves are in normalised units: length
+1 is the optimal length L0, velocity 1 is the fastest shortening in L0 per second, force 1 the
+peak active force. All functions are for one muscle. They are continuously differentiable except
+where activation switches between rising and falling without smoothing.
+"""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+_MIN_VALUE = 1e-15
+
+
+def muscle_activation_rate(
+    ctrl: Float[Array, ""], act: Float[Array, ""], prm: Float[Array, "10"]
+) -> Float[Array, ""]:
+    """Rate of the activation, `(ctrl - act) / tau`, after Millard et al. (2013).
+
+    Args:
+      ctrl: excitation, clamped to [0, 1].
+      act: activation.
+      prm: time constants of activation and deactivation (s) and the width over which the
+        time constant changes from one to the other; zero for a switch.
+    """
+    scale = 0.5 + 1.5 * jnp.clip(act, 0, 1)
+    rising, falling, width = prm[0] * scale, prm[1] / scale, prm[2]
+    excess = jnp.clip(ctrl, 0, 1) - act
+    hard = width < _MIN_VALUE
+    weight = jnp.where(excess > 0, 1.0, 0.0)
+    weight = jnp.where(hard, weight, _smoothstep(excess / jnp.where(hard, 1.0, width) + 0.5))
+    return excess / jnp.maximum(falling + (rising - falling) * weight, _MIN_VALUE)
+
+
+def muscle_gain(
+    length: Float[Array, ""],
+    velocity: Float[Array, ""],
+    lengthrange: Float[Array, "2"],
+    acc0: Float[Array, ""],
+    prm: Float[Array, "10"],
+) -> Float[Array, ""]:
+    """Force per unit activation, `-F FL(L) FV(V)`; negative, because muscles pull.
+
+    Args:
+      length: length of the actuator.
+      velocity: its rate.
+      lengthrange: its feasible lengths.
+      acc0: acceleration from unit force in the reference configuration.
+      prm: range (2 numbers), force, scale, lmin, lmax, vmax, fpmax, fvmax.
+    """
+    L, L0 = _normalised(length, lengthrange, prm)
+    V = velocity / jnp.maximum(L0 * prm[6], _MIN_VALUE)
+    return -_peak_force(acc0, prm) * active_force_length(L, prm[4], prm[5]) * force_velocity(V, prm[8])
+
+
+def muscle_bias(
+    length: Float[Array, ""],
+    lengthrange: Float[Array, "2"],
+    acc0: Float[Array, ""],
+    prm: Float[Array, "10"],
+) -> Float[Array, ""]:
+    """Passive force, `-F FP(L)`: zero up to the optimal length, then quadratic, then linear."""
+    L, _ = _normalised(length, lengthrange, prm)
+    knee = (1 + prm[5]) / 2
+    width = jnp.maximum(knee - 1, _MIN_VALUE)
+    x = (jnp.minimum(L, knee) - 1) / width
+    beyond = jnp.where(L > knee, (L - knee) / width, 0.0)
+    curve = jnp.where(L > 1, 0.5 * x * x + beyond, 0.0)
+    return -_peak_force(acc0, prm) * prm[7] * curve
+
+
+def active_force_length(
+    L: Float[Array, ""], lmin: Float[Array, ""], lmax: Float[Array, ""]
+) -> Float[Array, ""]:
+    """Bell of four parabolas: zero at `lmin` and `lmax`, one at 1."""
+    rising, falling = (lmin + 1) / 2, (1 + lmax) / 2
+    left = jnp.where(L <= rising, _parabola(L - lmin, rising - lmin), 1 - _parabola(1 - L, 1 - rising))
+    right = jnp.where(
+        L <= falling, 1 - _parabola(L - 1, falling - 1), _parabola(lmax - L, lmax - falling)
+    )
+    return jnp.where((L < lmin) | (L > lmax), 0.0, jnp.where(L <= 1, left, right))
+
+
+def force_velocity(V: Float[Array, ""], fvmax: Float[Array, ""]) -> Float[Array, ""]:
+    """Zero when shortening at V <= -1, one at rest, `fvmax` when lengthening fast."""
+    y = fvmax - 1
+    shortening = jnp.where(V <= -1, 0.0, (V + 1) * (V + 1))
+    lengthening = jnp.where(V <= y, fvmax - (y - V) * (y - V) / jnp.maximum(y, _MIN_VALUE), fvmax)
+    return jnp.where(V <= 0, shortening, lengthening)
+
+
+def _parabola(x, width):
+    scaled = x / jnp.maximum(width, _MIN_VALUE)
+    return 0.5 * scaled * scaled
+
+
+def _smoothstep(x):
+    """`6 x^5 - 15 x^4 + 10 x^3` between 0 and 1, constant outside."""
+    x = jnp.clip(x, 0, 1)
+    return x * x * x * (3 * x * (2 * x - 5) + 10)
+
+
+def _normalised(length, lengthrange, prm):
+    """Length in units of the optimal length, and that length."""
+    L0 = (lengthrange[1] - lengthrange[0]) / jnp.maximum(prm[1] - prm[0], _MIN_VALUE)
+    return prm[0] + (length - lengthrange[0]) / jnp.maximum(L0, _MIN_VALUE), L0
+
+
+def _peak_force(acc0, prm):
+    """The given force, or `scale / acc0` where it is negative."""
+    return jnp.where(prm[2] < 0, prm[3] / jnp.maximum(acc0, _MIN_VALUE), prm[2])

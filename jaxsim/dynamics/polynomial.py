@@ -1,0 +1,33 @@
+"""Stiffness and damping that grow with deflection and speed.
+
+MuJoCo's nonlinear springs and dampers have a coefficient that is a polynomial,
+`k(x) = k0 + p0 x + p1 x^2 + ...`, and exert the force `-k(x) x`.
+"""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+
+def poly_coefficient(
+    linear: Float[Array, "..."], poly: Float[Array, "... npoly"], x: Float[Array, "..."]
+) -> Float[Array, "..."]:
+    """`k(x) = k0 + p0 x + p1 x^2 + ...` by Horner's rule."""
+    total = jnp.zeros_like(x)
+    for k in reversed(range(poly.shape[-1])):
+        total = (total + poly[..., k]) * x
+    return linear + total
+
+
+def damping_force(
+    linear: Float[Array, "n"], poly: Float[Array, "n npoly"], v: Float[Array, "n"]
+) -> Float[Array, "n"]:
+    """`-k(|v|) v`: odd in the velocity, so that it dissipates in both directions."""
+    return -poly_coefficient(linear, poly, jnp.abs(v)) * v
+
+
+def damping_slope(
+    linear: Float[Array, "n"], poly: Float[Array, "n npoly"], v: Float[Array, "n"]
+) -> Float[Array, "n"]:
+    """Derivative of `k(|v|) v` with respect to the velocity, `k0 + 2 p0 |v| + 3 p1 v^2 + ...`."""
+    orders = jnp.arange(2, 2 + poly.shape[-1], dtype=poly.dtype)
+    return poly_coefficient(linear, poly * orders[None], jnp.abs(v))

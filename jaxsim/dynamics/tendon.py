@@ -1,0 +1,43 @@
+"""Fixed tendons: lengths that are linear combinations of joint positions."""
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxsim.dynamics.tree import sum_by, take
+from jaxsim.model import Model
+
+
+def tendon_length(model: Model, qpos: Float[Array, "nq"]) -> Float[Array, "ntendon"]:
+    """Lengths `sum_j coef_j q_j`, in the units of the joints."""
+    wraps, tendons = _wraps(model)
+    positions = take(qpos, model.jnt_qposadr[model.wrap_objid[wraps]])
+    return sum_by(take(model.wrap_prm, wraps) * positions, tendons, model.ntendon)
+
+
+def tendon_velocity(model: Model, qvel: Float[Array, "nv"]) -> Float[Array, "ntendon"]:
+    """Rates of the lengths, `J qvel`."""
+    wraps, tendons = _wraps(model)
+    rates = take(qvel, model.jnt_dofadr[model.wrap_objid[wraps]])
+    return sum_by(take(model.wrap_prm, wraps) * rates, tendons, model.ntendon)
+
+
+def tendon_force_on_joints(model: Model, tension: Float[Array, "ntendon"]) -> Float[Array, "nv"]:
+    """Generalised forces `J^T f` of forces along the tendons, positive if they lengthen."""
+    wraps, tendons = _wraps(model)
+    each = take(model.wrap_prm, wraps) * take(tension, tendons)
+    return sum_by(each, model.jnt_dofadr[model.wrap_objid[wraps]], model.nv)
+
+
+def tendon_jacobian(model: Model) -> Float[Array, "ntendon nv"]:
+    """J, the constant derivative of the lengths; rows are tendons."""
+    wraps, tendons = _wraps(model)
+    zero = jnp.zeros((model.ntendon, model.nv), model.wrap_prm.dtype)
+    return zero.at[tendons, model.jnt_dofadr[model.wrap_objid[wraps]]].add(take(model.wrap_prm, wraps))
+
+
+def _wraps(model: Model) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of the wrap objects of all tendons, and the tendon of each; static."""
+    spans = [a + np.arange(n) for a, n in zip(model.tendon_adr, model.tendon_num, strict=True)]
+    wraps = np.concatenate([np.zeros(0, int), *spans]).astype(int)
+    return wraps, np.repeat(np.arange(model.ntendon), model.tendon_num)
