@@ -2,9 +2,9 @@
 
 Of the many matrices C with the right product `C qvel`, this is the one for which `dM/dt - 2 C` is
 skew-symmetric, the property behind passivity-based control: Coriolis forces do no work. It is a
-sum over the links of `J^T (G dJ/dt + B J)` with inertia G, where B factors each link's own velocity-dependent
-force. Echeandia and Wensing, Numerical methods to compute the Coriolis matrix and Christoffel
-symbols for rigid-body systems (2021), section 3.
+sum over the links of `J^T (G dJ/dt + B J)`, with inertia G and a matrix B that factors the link's
+own velocity-dependent force. Echeandia and Wensing, Numerical methods to compute the Coriolis
+matrix and Christoffel symbols for rigid-body systems (2021), section 3.
 """
 
 import jax

@@ -6,6 +6,7 @@ import jax
 import mujoco
 import numpy as np
 import pytest
+from oracle import quick_jit
 from random_models import random_model, random_states
 
 from jaxsim.dynamics.aba import forward_dynamics, solve_mass
@@ -23,7 +24,7 @@ from jaxsim.dynamics.rnea import inverse_dynamics, qfrc_bias
 from jaxsim.dynamics.velocity import velocities
 from jaxsim.io import load
 
-SEEDS = [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 20))]
+SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 20))]
 
 
 @pytest.fixture(autouse=True)
@@ -41,7 +42,7 @@ def scene(request) -> types.SimpleNamespace:
         model = load(mj)
         qpos, qvel = random_states(mj, seed=1, n=4)
         qacc = np.random.default_rng(2).standard_normal(qvel.shape)
-        compute = jax.jit(jax.vmap(quantities, in_axes=(None, 0, 0, 0)))
+        compute = quick_jit(jax.vmap(quantities, in_axes=(None, 0, 0, 0)))
         values = {name: np.asarray(x) for name, x in compute(model, qpos, qvel, qacc).items()}
     return types.SimpleNamespace(
         mj=mj, model=model, qpos=qpos, qvel=qvel, qacc=qacc, n=len(qpos), **values

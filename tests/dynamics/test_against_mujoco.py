@@ -1,0 +1,104 @@
+"""Every model of other packages: one instant at random states, stage by stage."""
+
+import jax
+import mujoco
+import numpy as np
+import pytest
+from assets import UNSUPPORTED, asset_files
+from oracle import MATRICES, POSITIONS, assert_close, at, oracle_stages, quick_jit
+from random_models import random_states
+
+from jaxsim.dynamics.aba import solve_mass
+from jaxsim.dynamics.crba import composite_mass_matrix
+from jaxsim.dynamics.energy import kinetic_energy, potential_energy
+from jaxsim.dynamics.kinematics import kinematics
+from jaxsim.dynamics.momentum import subtree_velocities
+from jaxsim.dynamics.rnea import qfrc_bias
+from jaxsim.dynamics.velocity import velocities
+from jaxsim.io import load
+from jaxsim.model import ModelError, make_state
+
+FILES = asset_files()
+
+# Between them: all joint types, several trees, mocap, no joints at all, welded bodies, tendons.
+SAMPLE = (
+    "gymnasium:humanoid.xml",
+    "gymnasium:pusher.xml",
+    "mujoco.mjx:convex.xml",
+    "mujoco.mjx:pendula.xml",
+    "mujoco.mjx:ray.xml",
+    "mujoco.mjx:tendon/fixed.xml",
+)
+SINGLE = ("gymnasium:ant.xml", "mujoco.mjx:pendula.xml")
+
+# Absolute and relative tolerances in float64 and float32.
+TOLERANCES = {
+    **{name: ((1e-12, 1e-12), (1e-5, 1e-4)) for name in (*POSITIONS, *MATRICES)},
+    "mass_matrix": ((1e-12, 1e-11), (1e-7, 1e-5)),
+    "qfrc_bias": ((1e-10, 1e-10), (1e-3, 1e-4)),
+    "qacc_smooth": ((1e-9, 1e-9), (1e-2, 1e-3)),
+    "potential_energy": ((1e-10, 1e-10), (1e-3, 1e-4)),
+    "kinetic_energy": ((1e-10, 1e-10), (1e-3, 1e-4)),
+    "subtree_linvel": ((1e-11, 1e-11), (1e-4, 1e-4)),
+    "subtree_angmom": ((1e-10, 1e-10), (1e-3, 1e-4)),
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_model_loads_or_says_why_not(name):
+    try:
+        model = load(FILES[name])
+    except ModelError as error:
+        assert any(reason in str(error) for reason in UNSUPPORTED.values())
+        assert str(error).count(".") == 0
+    else:
+        assert make_state(model).qpos.shape == (model.nq,)
+
+
+@pytest.mark.parametrize(
+    "name", [n if n in SAMPLE else pytest.param(n, marks=pytest.mark.slow) for n in FILES]
+)
+def test_float64(name):
+    _compare(name, precision=0)
+
+
+@pytest.mark.parametrize(
+    "name", [n if n in SINGLE else pytest.param(n, marks=pytest.mark.slow) for n in FILES]
+)
+def test_float32(name):
+    with jax.enable_x64(False):
+        _compare(name, precision=1)
+
+
+def _compare(name: str, precision: int):
+    mj = mujoco.MjModel.from_xml_path(str(FILES[name]))
+    try:
+        model = load(mj)
+    except ModelError:
+        return
+    qpos, qvel = random_states(mj, seed=0, n=8)
+    data = [at(mj, q, v) for q, v in zip(qpos, qvel, strict=True)]
+    force = np.stack([d.qfrc_smooth for d in data])
+    theirs = oracle_stages(mj, qpos, qvel) | {
+        "qacc_smooth": np.stack([d.qacc_smooth for d in data])
+    }
+    ours = quick_jit(jax.vmap(_stages, in_axes=(None, 0, 0, 0)))(model, qpos, qvel, force)
+    for stage, tolerances in TOLERANCES.items():
+        assert_close(ours[stage], theirs[stage], *tolerances[precision], stage)
+
+
+def _stages(model, qpos, qvel, qfrc_smooth):
+    state = make_state(model)
+    kin = kinematics(model, qpos, state.mocap_pos, state.mocap_quat)
+    vel = velocities(model, kin, qvel)
+    linvel, angmom = subtree_velocities(model, kin, vel)
+    stages = {name: getattr(kin, name) for name in (*POSITIONS, *MATRICES)}
+    return stages | {
+        "mass_matrix": composite_mass_matrix(model, kin),
+        "qfrc_bias": qfrc_bias(model, kin, vel),
+        "qacc_smooth": solve_mass(model, kin, qfrc_smooth),
+        "potential_energy": potential_energy(model, kin, qpos),
+        "kinetic_energy": kinetic_energy(model, kin, vel, qvel),
+        "subtree_linvel": linvel,
+        "subtree_angmom": angmom,
+    }
