@@ -13,8 +13,7 @@ SCENES = [
     ("elliptic", 3, 5.0),
     ("elliptic", 4, 1.0),
     ("elliptic", 6, 5.0),
-    ("pyramidal", 3, 1.0),
-    ("pyramidal", 6, 1.0),
+    ("pyramidal", 4, 1.0),
 ]
 
 
@@ -35,7 +34,7 @@ def test_agrees_with_mujoco(x64, scene, solve_tight, cone, condim, impratio):
     assert solution.status.iterations < 30
 
 
-@pytest.mark.parametrize(("cone", "condim", "impratio"), SCENES)
+@pytest.mark.parametrize(("cone", "condim", "impratio"), SCENES[1:3] + SCENES[-1:])
 def test_float32_agrees_with_mujoco(scene, solve_tight, cone, condim, impratio):
     case = scene(cone, condim, impratio)
     solution = solve_tight(case.problem, case.operator, case.x_smooth, case.x_warm)
