@@ -15,8 +15,7 @@ from jaxtyping import Array, Float
 from jaxsim.dynamics.aba import solve_articulated
 from jaxsim.dynamics.activation import next_activation, stateful_actuators
 from jaxsim.dynamics.actuation import Actuation, disabled_actuators
-from jaxsim.dynamics.reflected import dof_armature
-from jaxsim.dynamics.coordinates import has_rotations, integrate_pos, map_rotations
+from jaxsim.dynamics.coordinates import exponential_rate, integrate_pos
 from jaxsim.dynamics.crba import composite_mass_matrix
 from jaxsim.dynamics.damper import dof_damping_slope
 from jaxsim.dynamics.derivatives import (
@@ -27,11 +26,11 @@ from jaxsim.dynamics.derivatives import (
 )
 from jaxsim.dynamics.free_body import solve_free_bodies
 from jaxsim.dynamics.kinematics import Kinematics
+from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.dynamics.servo import wrap_setpoint
 from jaxsim.dynamics.tree import take
 from jaxsim.dynamics.velocity import Velocities
 from jaxsim.model import Model, State
-from jaxsim.spatial.series import cotangent_defect
 
 _EULERDAMP = mujoco.mjtDisableBit.mjDSBL_EULERDAMP
 _DAMPER = mujoco.mjtDisableBit.mjDSBL_DAMPER
@@ -137,7 +136,7 @@ def runge_kutta(
         )
         states.append(stage)
         instants.append(evaluate(stage))
-        rates.append(_exponential_rate(model, h * move, stage.qvel))
+        rates.append(exponential_rate(model, stage.qvel, h * move))
     qacc = _simpson([i.qacc for i in instants])
     act_dot = _simpson([i.actuation.act_dot for i in instants])
     actuation = instants[-1].actuation.replace(act_dot=act_dot)
@@ -201,19 +200,3 @@ def _solve_damped(model: Model, now: Instant, damping: Damping) -> Float[Array, 
 def _simpson(stages: list[Float[Array, "n"]]) -> Float[Array, "n"]:
     first, second, third, fourth = stages
     return (first + 2 * second + 2 * third + fourth) / 6
-
-
-def _exponential_rate(model: Model, theta, qvel) -> Float[Array, "nv"]:
-    """Rates of the exponential coordinates theta that the velocities mean.
-
-    `d theta = w + theta x w / 2 + c theta x (theta x w)`, the inverse of the right Jacobian of the
-    exponential map, for w in the moving axes.
-    """
-    if not has_rotations(model):
-        return qvel
-
-    def rate(w, x):
-        turned = jnp.cross(x, w)
-        return w + turned / 2 + cotangent_defect(x @ x) * jnp.cross(x, turned)
-
-    return map_rotations(model, rate, qvel, theta)

@@ -1,7 +1,8 @@
-"""Actuators: from controls to forces. MuJoCo documentation, chapter Computation, "Actuation model".
+"""Actuators: from controls to forces.
 
-`force = gain(length, velocity) * input + bias(length, velocity)`, where the input is the control or,
-for an actuator with dynamics, its activation.
+`force = gain(length, velocity) * input + bias(length, velocity)`, where the input is the control
+or, for an actuator with dynamics, its activation. MuJoCo documentation, chapter Computation,
+section "Actuation model".
 """
 
 import jax.numpy as jnp
@@ -12,6 +13,7 @@ from jaxtyping import Array, Float
 
 from jaxsim.dynamics.activation import activation_rate, next_activation, stateful_actuators
 from jaxsim.dynamics.kinds import apply_by_kind
+from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.muscle import muscle_bias, muscle_gain
 from jaxsim.dynamics.servo import wrap_setpoint
 from jaxsim.dynamics.transmission import (
@@ -21,7 +23,6 @@ from jaxsim.dynamics.transmission import (
     force_on_joints,
     transmission,
 )
-from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.tree import sum_by, take
 from jaxsim.model import Model
 
@@ -36,7 +37,7 @@ class Actuation:
     Attributes:
       transmission: lengths and moments.
       actuator_velocity: rates of the lengths.
-      actuator_input: control or activation of each actuator, before it is clamped.
+      actuator_input: clamped control, or activation, of each actuator.
       actuator_force: forces along the actuators.
       qfrc_actuator: generalised forces.
       act_dot: rates of the activations.
@@ -83,12 +84,12 @@ def actuation(
         return Actuation(t, velocity, ctrl, zeros, jnp.zeros_like(qvel), jnp.zeros_like(act))
     clamped = clamp_ctrl(model, ctrl)
     act_dot = activation_rate(model, act, clamped)
-    raw, used = (_inputs(model, act, act_dot, c) for c in (ctrl, clamped))
+    used = _inputs(model, act, act_dot, clamped)
     force = _forces(model, t.length, velocity, wrap_setpoint(model, used, t.length))
     return Actuation(
         transmission=t,
         actuator_velocity=velocity,
-        actuator_input=raw,
+        actuator_input=used,
         actuator_force=force,
         qfrc_actuator=_joint_forces(model, t, force, qfrc_gravcomp),
         act_dot=act_dot,
@@ -132,7 +133,9 @@ def _forces(model: Model, length, velocity, control) -> Float[Array, "nu"]:
     return _clip(force, model.actuator_forcerange, model.actuator_forcelimited)
 
 
-def gains(model: Model, length: Float[Array, "nu"], velocity: Float[Array, "nu"]) -> Float[Array, "nu"]:
+def gains(
+    model: Model, length: Float[Array, "nu"], velocity: Float[Array, "nu"]
+) -> Float[Array, "nu"]:
     """Force per unit of input."""
     kinds = {
         int(mujoco.mjtGain.mjGAIN_FIXED): lambda prm, *_: prm[0],

@@ -1,7 +1,5 @@
 """Moving in configuration space: `qpos` plus a velocity times a time, and its inverse."""
 
-from collections.abc import Callable
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,6 +9,7 @@ from jaxsim.dynamics.joints import BALL, FREE, HINGE, NQ, integrate_joint, joint
 from jaxsim.dynamics.tree import take
 from jaxsim.model import Model
 from jaxsim.model.structure import JOINT_NDOF
+from jaxsim.spatial.series import cotangent_defect
 
 
 def integrate_pos(
@@ -26,7 +25,10 @@ def integrate_pos(
 
 
 def difference_pos(
-    model: Model, qpos1: Float[Array, "nq"], qpos2: Float[Array, "nq"], dt: Float[Array, ""] | float = 1.0
+    model: Model,
+    qpos1: Float[Array, "nq"],
+    qpos2: Float[Array, "nq"],
+    dt: Float[Array, ""] | float = 1.0,
 ) -> Float[Array, "nv"]:
     """Velocity that leads from `qpos1` to `qpos2` in `dt` seconds, as `mj_differentiatePos`."""
     moved = _per_joint(
@@ -35,28 +37,30 @@ def difference_pos(
     return moved / dt
 
 
-def map_rotations(
-    model: Model, f: Callable, *vectors: Float[Array, "nv"]
+def exponential_rate(
+    model: Model, qvel: Float[Array, "nv"], theta: Float[Array, "nv"]
 ) -> Float[Array, "nv"]:
-    """Replace the angular velocities of ball and free joints in the first vector by `f` of all.
+    """Rate of the exponential coordinates theta, measured from some `qpos`, that a velocity means.
+
+    For rotations it is `w + theta x w / 2 + c theta x (theta x w)`, the inverse of the right
+    Jacobian of the exponential map, for w in the moving axes; elsewhere the velocity itself.
 
     Args:
       model: the model.
-      f: function of as many (3,) vectors as are given.
-      vectors: vectors over the degrees of freedom.
+      qvel: velocities at `integrate_pos(model, qpos, theta, 1)`.
+      theta: the exponential coordinates.
     """
 
-    def one(kind, *v):
+    def rotation(w, x):
+        turned = jnp.cross(x, w)
+        return w + turned / 2 + cotangent_defect(x @ x) * jnp.cross(x, turned)
+
+    def one(kind, w, x):
         if kind == FREE:
-            return jnp.concatenate([v[0][:3], f(*(x[3:] for x in v))])
-        return f(*v) if kind == BALL else v[0]
+            return jnp.concatenate([w[:3], rotation(w[3:], x[3:])])
+        return rotation(w, x) if kind == BALL else w
 
-    return _per_joint(model, one, [(v, _velocities) for v in vectors], _velocities)
-
-
-def has_rotations(model: Model) -> bool:
-    """Whether the model has ball or free joints."""
-    return bool(np.isin(model.jnt_type, (BALL, FREE)).any())
+    return _per_joint(model, one, [(qvel, _velocities), (theta, _velocities)], _velocities)
 
 
 def _per_joint(model: Model, f, inputs, layout) -> Float[Array, "..."]:

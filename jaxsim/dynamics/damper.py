@@ -24,14 +24,14 @@ def qfrc_damper(model: Model, qvel: Float[Array, "nv"]) -> Float[Array, "nv"]:
 
 
 def dof_damping_slope(model: Model, qvel: Float[Array, "nv"]) -> Float[Array, "nv"]:
-    """d of the diagonal `-d force / d qvel` of the joints' dampers, zero if switched off."""
+    """Diagonal of `-d force / d qvel` of the joints' dampers, zero if they are switched off."""
     if model.opt.disabled(_DAMPER):
         return jnp.zeros_like(qvel)
     return damping_slope(*dof_damping(model), qvel)
 
 
 def tendon_damping_slope(model: Model, qvel: Float[Array, "nv"]) -> Float[Array, "ntendon"]:
-    """b of `-d force / d qvel = J^T diag(b) J` of the tendons' dampers."""
+    """The tendons' dampers: b of `-d force / d qvel = J^T diag(b) J`."""
     if model.opt.disabled(_DAMPER):
         return jnp.zeros_like(model.tendon_damping)
     return damping_slope(*tendon_damping(model), tendon_velocity(model, qvel))

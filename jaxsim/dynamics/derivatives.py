@@ -91,7 +91,9 @@ def damping_matrix(model: Model, kin: Kinematics, damping: Damping) -> Float[Arr
     return matrix + jax.vmap(drag)(jnp.eye(model.nv, dtype=matrix.dtype))
 
 
-def bias_derivative(model: Model, kin: Kinematics, qvel: Float[Array, "nv"]) -> Float[Array, "nv nv"]:
+def bias_derivative(
+    model: Model, kin: Kinematics, qvel: Float[Array, "nv"]
+) -> Float[Array, "nv nv"]:
     """`d qfrc_bias / d qvel`, Coriolis and centrifugal forces; not symmetric."""
     return jax.jacfwd(lambda v: qfrc_bias(model, kin, velocities(model, kin, v)))(qvel)
 

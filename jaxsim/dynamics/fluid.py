@@ -76,7 +76,7 @@ def _relative_twists(model: Model, kin: Kinematics, vel: Velocities) -> Float[Ar
 
 
 def _coefficients(model: Model) -> tuple[Float[Array, "nbody 6"], Float[Array, "nbody 6"]]:
-    """b and c of `-(b + c |v|) v` along each of the six axes of the bodies' boxes."""
+    """Coefficients b and c of `-(b + c |v|) v` along each of the six axes of the bodies' boxes."""
     viscosity, density = model.opt.viscosity, model.opt.density
 
     def one(mass, inertia):

@@ -5,10 +5,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.dynamics.derivatives import Damping
 from jaxsim.dynamics.joints import FREE
 from jaxsim.dynamics.kinematics import Kinematics
+from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.dynamics.tree import take
 from jaxsim.model import Model
 from jaxsim.spatial import Inertia, cross_force, cross_motion

@@ -48,9 +48,10 @@ def muscle_gain(
       acc0: acceleration from unit force in the reference configuration.
       prm: range (2 numbers), force, scale, lmin, lmax, vmax, fpmax, fvmax.
     """
-    L, L0 = _normalised(length, lengthrange, prm)
-    V = velocity / jnp.maximum(L0 * prm[6], _MIN_VALUE)
-    return -_peak_force(acc0, prm) * active_force_length(L, prm[4], prm[5]) * force_velocity(V, prm[8])
+    x, optimum = _normalised(length, lengthrange, prm)
+    v = velocity / jnp.maximum(optimum * prm[6], _MIN_VALUE)
+    curves = active_force_length(x, prm[4], prm[5]) * force_velocity(v, prm[8])
+    return -_peak_force(acc0, prm) * curves
 
 
 def muscle_bias(
@@ -59,34 +60,34 @@ def muscle_bias(
     acc0: Float[Array, ""],
     prm: Float[Array, "10"],
 ) -> Float[Array, ""]:
-    """Passive force, `-F FP(L)`: zero up to the optimal length, then quadratic, then linear."""
-    L, _ = _normalised(length, lengthrange, prm)
+    """Passive force, `-F FP(x)`: zero up to the optimal length, then quadratic, then linear."""
+    x, _ = _normalised(length, lengthrange, prm)
     knee = (1 + prm[5]) / 2
     width = jnp.maximum(knee - 1, _MIN_VALUE)
-    x = (jnp.minimum(L, knee) - 1) / width
-    beyond = jnp.where(L > knee, (L - knee) / width, 0.0)
-    curve = jnp.where(L > 1, 0.5 * x * x + beyond, 0.0)
+    quadratic = _parabola(jnp.minimum(x, knee) - 1, knee - 1)
+    linear = jnp.where(x > knee, (x - knee) / width, 0.0)
+    curve = jnp.where(x > 1, quadratic + linear, 0.0)
     return -_peak_force(acc0, prm) * prm[7] * curve
 
 
 def active_force_length(
-    L: Float[Array, ""], lmin: Float[Array, ""], lmax: Float[Array, ""]
+    x: Float[Array, ""], lmin: Float[Array, ""], lmax: Float[Array, ""]
 ) -> Float[Array, ""]:
     """Bell of four parabolas: zero at `lmin` and `lmax`, one at 1."""
     rising, falling = (lmin + 1) / 2, (1 + lmax) / 2
-    left = jnp.where(L <= rising, _parabola(L - lmin, rising - lmin), 1 - _parabola(1 - L, 1 - rising))
-    right = jnp.where(
-        L <= falling, 1 - _parabola(L - 1, falling - 1), _parabola(lmax - L, lmax - falling)
+    up = jnp.where(x > rising, 1 - _parabola(1 - x, 1 - rising), _parabola(x - lmin, rising - lmin))
+    down = jnp.where(
+        x > falling, _parabola(lmax - x, lmax - falling), 1 - _parabola(x - 1, falling - 1)
     )
-    return jnp.where((L < lmin) | (L > lmax), 0.0, jnp.where(L <= 1, left, right))
+    return jnp.where((x < lmin) | (x > lmax), 0.0, jnp.where(x > 1, down, up))
 
 
-def force_velocity(V: Float[Array, ""], fvmax: Float[Array, ""]) -> Float[Array, ""]:
-    """Zero when shortening at V <= -1, one at rest, `fvmax` when lengthening fast."""
+def force_velocity(v: Float[Array, ""], fvmax: Float[Array, ""]) -> Float[Array, ""]:
+    """Zero when shortening at v <= -1, one at rest, `fvmax` when lengthening fast."""
     y = fvmax - 1
-    shortening = jnp.where(V <= -1, 0.0, (V + 1) * (V + 1))
-    lengthening = jnp.where(V <= y, fvmax - (y - V) * (y - V) / jnp.maximum(y, _MIN_VALUE), fvmax)
-    return jnp.where(V <= 0, shortening, lengthening)
+    shortening = jnp.where(v <= -1, 0.0, (v + 1) * (v + 1))
+    lengthening = jnp.where(v <= y, fvmax - (y - v) * (y - v) / jnp.maximum(y, _MIN_VALUE), fvmax)
+    return jnp.where(v <= 0, shortening, lengthening)
 
 
 def _parabola(x, width):
@@ -102,8 +103,8 @@ def _smoothstep(x):
 
 def _normalised(length, lengthrange, prm):
     """Length in units of the optimal length, and that length."""
-    L0 = (lengthrange[1] - lengthrange[0]) / jnp.maximum(prm[1] - prm[0], _MIN_VALUE)
-    return prm[0] + (length - lengthrange[0]) / jnp.maximum(L0, _MIN_VALUE), L0
+    optimum = (lengthrange[1] - lengthrange[0]) / jnp.maximum(prm[1] - prm[0], _MIN_VALUE)
+    return prm[0] + (length - lengthrange[0]) / jnp.maximum(optimum, _MIN_VALUE), optimum
 
 
 def _peak_force(acc0, prm):

@@ -51,6 +51,7 @@ def _rotational(model: Model) -> tuple[np.ndarray, np.ndarray]:
     servo = (model.actuator_gaintype == _FIXED) & (model.actuator_biastype == _AFFINE)
     servo = servo & np.isin(model.actuator_dyntype, (_NONE, _INTEGRATOR))
     on_joint = np.isin(kind, (JOINT, JOINTINPARENT))
-    ball = np.array([bool(j) and model.jnt_type[t] == BALL for j, t in zip(on_joint, target, strict=True)])
+    ball = np.zeros(model.nu, bool)
+    ball[on_joint] = model.jnt_type[target[on_joint]] == BALL
     pair = (kind == SITE) & (model.actuator_trnid[:, 1] >= 0)
-    return servo & ball.astype(bool), servo & pair
+    return servo & ball, servo & pair

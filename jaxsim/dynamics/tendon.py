@@ -32,8 +32,9 @@ def tendon_force_on_joints(model: Model, tension: Float[Array, "ntendon"]) -> Fl
 def tendon_jacobian(model: Model) -> Float[Array, "ntendon nv"]:
     """J, the constant derivative of the lengths; rows are tendons."""
     wraps, tendons = _wraps(model)
+    dofs = model.jnt_dofadr[model.wrap_objid[wraps]]
     zero = jnp.zeros((model.ntendon, model.nv), model.wrap_prm.dtype)
-    return zero.at[tendons, model.jnt_dofadr[model.wrap_objid[wraps]]].add(take(model.wrap_prm, wraps))
+    return zero.at[tendons, dofs].add(take(model.wrap_prm, wraps))
 
 
 def _wraps(model: Model) -> tuple[np.ndarray, np.ndarray]:

@@ -67,7 +67,9 @@ def transmission(model: Model, kin: Kinematics, qpos: Float[Array, "nq"]) -> Tra
     )
 
 
-def actuator_velocity(model: Model, t: Transmission, qvel: Float[Array, "nv"]) -> Float[Array, "nu"]:
+def actuator_velocity(
+    model: Model, t: Transmission, qvel: Float[Array, "nv"]
+) -> Float[Array, "nu"]:
     """Rates of the lengths."""
     scalar, other = scalar_actuators(model)
     parts = [t.gear * take(qvel, _scalar_dofs(model)), t.rows @ qvel]
@@ -114,7 +116,8 @@ def _one(model: Model, kin: Kinematics, qpos, i: int):
     kind, gear = int(model.actuator_trntype[i]), model.actuator_gear[i]
     target, reference = (int(k) for k in model.actuator_trnid[i])
     if kind == TENDON:
-        return gear[0] * tendon_length(model, qpos)[target], gear[0] * tendon_jacobian(model)[target]
+        length, row = tendon_length(model, qpos)[target], tendon_jacobian(model)[target]
+        return gear[0] * length, gear[0] * row
     if kind == SITE and reference < 0:
         return jnp.zeros_like(gear[0]), _site_row(model, kin, gear, target, kin.site_xmat[target])
     if kind == SITE:
