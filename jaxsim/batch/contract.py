@@ -7,117 +7,200 @@ against `dot_general` of the transposed arrays, (12,12)x(12,12) takes 37 us agai
 18 against 109, (27,27)x(27,27) 280 against 350, but (8,128)x(128,8) 7600 against 390. With one
 operand shared by all lanes the batch is a free axis of one real matrix product, as fast from
 8 terms on and then faster.
+
+The product is a primitive of its own, `lane_contract`, lowered late. Its derivatives are then
+such products again, and not the transposes of unrolled sums, for grad(vmap(f)) as for
+vmap(grad(f)).
 """
 
+import functools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
+from jax.experimental.xla_metadata import set_xla_metadata
+from jax.extend import core as jex
+from jax.interpreters import ad, batching, mlir
+
+from jaxsim.batch import params
 
 MAX_TERMS = 32  # of one unrolled sum, both operands batched
 MAX_TERMS_VECTOR = 64  # the same where the result has at most as many entries as an operand
 MAX_TERMS_SHARED = 8  # of one unrolled sum, one operand shared by all lanes
 MAX_PRODUCTS = 32768  # multiplications for one lane
+MIN_CALL = 64  # multiplications for one lane from which a product is a kernel of its own
 
+Labels = tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]  # left, right, result
 
-@dataclass(frozen=True)
-class Axes:
-    """The axes of one operand: contracted, in common with the other, and free."""
-
-    shape: tuple[int, ...]
-    contracted: tuple[int, ...]
-    common: tuple[int, ...]
-
-    @property
-    def free(self) -> tuple[int, ...]:
-        """The remaining axes, in order."""
-        taken = self.contracted + self.common
-        return tuple(i for i in range(len(self.shape)) if i not in taken)
-
-    def size(self, axes: Sequence[int]) -> int:
-        """Number of entries along these axes."""
-        return math.prod(self.shape[i] for i in axes)
+contract_p = jex.Primitive("lane_contract")
 
 
 def dot_general(lanes, eqn, values, flags):
-    """Unrolled, or one matrix product with the lanes as a free axis, or left to `jax.vmap`."""
+    """The equation as a labelled product, in which the lanes are one more label."""
     p = eqn.params
-    (lc, rc), (lb, rb) = p["dimension_numbers"]
-    left = Axes(eqn.invars[0].aval.shape, tuple(lc), tuple(lb))
-    right = Axes(eqn.invars[1].aval.shape, tuple(rc), tuple(rb))
-    if p.get("out_sharding") is not None:
+    dtypes = [v.aval.dtype for v in (*eqn.invars, *eqn.outvars)]
+    if p.get("out_sharding") is not None or not all(_is_wide(d) for d in dtypes):
         return None
-    dtype = eqn.outvars[0].aval.dtype
-    if _unrolls(left, right, all(flags)) and _is_wide(dtype, *(v.aval.dtype for v in eqn.invars)):
-        return [multiply_add(lanes, values, flags, (left, right), dtype)]
-    if all(flags):
-        return None
-    return [_lanes_as_free_axis(values, flags, (left, right), p)]
+    left, right, out = _labels(p["dimension_numbers"], [v.aval.ndim for v in eqn.invars])
+    lane = len(left) + len(right)
+    labels = left + (lane,) * flags[0], right + (lane,) * flags[1], (*out, lane)
+    x, y = (lax.convert_element_type(v, dtypes[-1]) for v in values)
+    return [contract(x, y, labels, p["precision"])]
 
 
-def multiply_add(lanes, values, flags, axes: tuple[Axes, Axes], dtype):
-    """Sum over the contracted index of broadcast products."""
-    left, right = axes
-    common, nl = len(left.common), len(left.free)
-    sizes = [left.shape[i] for i in left.common + left.free]
-    sizes += [right.shape[i] for i in right.free]
-    shape = (*sizes, lanes.size)
-    l_axes = tuple(range(common + nl))
-    r_axes = (*range(common), *range(common + nl, len(sizes)))
+def nested(lanes, eqn, values, flags):
+    """The product of an inner `vmap`, with one more axis of lanes."""
+    left, right, out = eqn.params["labels"]
+    lane = 1 + max((*left, *right))
+    labels = left + (lane,) * flags[0], right + (lane,) * flags[1], (*out, lane)
+    return [contract(*values, labels, eqn.params["precision"])]
+
+
+def contract(x, y, labels: Labels, precision: Any = None):
+    """Sum over all labels that are not in the result, as `einsum`; each is in both operands."""
+    x, y = params.match_varying(x, y)
+    return contract_p.bind(x, y, labels=labels, precision=precision)
+
+
+def evaluate(x, y, *, labels: Labels, precision, call: bool = False):
+    """Unrolled where that is faster, else one `dot_general`.
+
+    XLA fuses the computation of an operand into every use of it, which for a chain of products
+    grows exponentially. On a CPU a call that is not inlined ends the fusion; the optimisation
+    barrier does not, as it is removed first.
+    """
+    sizes = _sizes(x, y, labels)
+    if not _unrolls(labels, sizes):
+        return _matrix_product(x, y, labels, precision)
+    if call and _products(labels, sizes) >= MIN_CALL and _terms(labels, sizes) > 1:
+        with set_xla_metadata(inlineable="false"):
+            return _unrolled_call(x, y, labels=labels)
+    return unrolled(x, y, labels=labels)
+
+
+def unrolled(x, y, *, labels: Labels):
+    """Sum over the contracted indices of broadcast products."""
+    left, right, out = labels
+    sizes = _sizes(x, y, labels)
+    summed = [i for i in left if i not in out]
+    shape = tuple(sizes[i] for i in out)
     total = None
-    for k in np.ndindex(*(left.shape[i] for i in left.contracted)):
-        l_term = _term(values[0], flags[0], left, k, l_axes, shape, dtype)
-        r_term = _term(values[1], flags[1], right, k, r_axes, shape, dtype)
-        product = lax.bitwise_and(l_term, r_term) if dtype == bool else lax.mul(l_term, r_term)
-        total = product if total is None else _add(total, product)
-    return jnp.zeros(shape, dtype) if total is None else total
+    for index in np.ndindex(*(sizes[i] for i in summed)):
+        at = dict(zip(summed, index, strict=True))
+        product = _spread(x, left, at, out, shape) * _spread(y, right, at, out, shape)
+        total = product if total is None else total + product
+    return jnp.zeros(shape, x.dtype) if total is None else total
 
 
-def _term(value, flag, axes: Axes, k, out_axes, shape, dtype):
-    """The slice at contracted index k, its axes laid out as those of the result."""
-    start, limit = [0] * jnp.ndim(value), list(jnp.shape(value))
-    for axis, i in zip(axes.contracted, k, strict=True):
-        start[axis], limit[axis] = i, i + 1
-    term = lax.squeeze(lax.slice(value, start, limit), axes.contracted)
-    kept = [i for i in range(len(axes.shape)) if i not in axes.contracted]
-    order = [kept.index(i) for i in axes.common + axes.free]
-    if flag:
-        order, out_axes = [*order, len(order)], (*out_axes, len(shape) - 1)
-    if order != sorted(order):
-        term = lax.transpose(term, order)
-    return lax.broadcast_in_dim(lax.convert_element_type(term, dtype), shape, out_axes)
+_unrolled_call = jax.jit(unrolled, static_argnames="labels")
 
 
-def _lanes_as_free_axis(values, flags, axes: tuple[Axes, Axes], p):
+def _spread(value, labels: Sequence[int], at: dict[int, int], out: Sequence[int], shape):
+    """The slice of an operand at the contracted indices, its axes laid out as the result's."""
+    start = [at.get(i, 0) for i in labels]
+    limit = [at[i] + 1 if i in at else n for i, n in zip(labels, value.shape, strict=True)]
+    part = lax.squeeze(
+        lax.slice(value, start, limit), [a for a, i in enumerate(labels) if i in at]
+    )
+    places = [out.index(i) for i in labels if i not in at]
+    if places != sorted(places):
+        part = lax.transpose(part, sorted(range(len(places)), key=places.__getitem__))
+    return lax.broadcast_in_dim(part, shape, sorted(places))
+
+
+def _matrix_product(x, y, labels: Labels, precision):
     """`dot_general` puts the free axes of its right operand last: make that the batched one."""
-    options = {k: p[k] for k in ("precision", "preferred_element_type")}
-    contracted, common = p["dimension_numbers"]
-    if flags[1]:
-        return lax.dot_general(*values, (contracted, common), **options)
-    swapped = (tuple(contracted[::-1]), tuple(common[::-1]))
-    out = lax.dot_general(values[1], values[0], swapped, **options)
-    b, nl, nr = len(axes[0].common), len(axes[0].free), len(axes[1].free)
-    order = [*range(b), *range(b + nr, b + nr + nl), *range(b, b + nr), b + nr + nl]
-    return lax.transpose(out, order)
+    left, right, out = labels
+    if out and out[-1] in left and out[-1] not in right:
+        x, y, left, right = y, x, right, left
+    summed = [i for i in left if i in right and i not in out]
+    common = [i for i in left if i in right and i in out]
+    numbers = tuple(
+        tuple(tuple(operand.index(i) for i in group) for operand in (left, right))
+        for group in (summed, common)
+    )
+    result = lax.dot_general(x, y, numbers, precision, x.dtype)
+    order = common + [i for i in left if i not in right] + [i for i in right if i not in left]
+    return lax.transpose(result, [order.index(i) for i in out])
 
 
-def _unrolls(left: Axes, right: Axes, both: bool) -> bool:
-    terms = left.size(left.contracted)
-    free = left.size(left.free), right.size(right.free)
-    if terms * math.prod(free) > MAX_PRODUCTS:
+def _labels(dimension_numbers, ranks) -> Labels:
+    """Labels of a `dot_general`: its result is (common, left free, right free)."""
+    (lc, rc), (lb, rb) = dimension_numbers
+    left = tuple(range(ranks[0]))
+    shared = dict(zip((*rc, *rb), (*lc, *lb), strict=True))
+    right = tuple(shared.get(i, ranks[0] + i) for i in range(ranks[1]))
+    free_left = tuple(i for i in left if i not in (*lc, *lb))
+    return left, right, (*lb, *free_left, *(i for i in right if i not in left))
+
+
+def _sizes(x, y, labels: Labels) -> dict[int, int]:
+    return dict(zip(labels[0] + labels[1], x.shape + y.shape, strict=True))
+
+
+def _terms(labels: Labels, sizes) -> int:
+    return math.prod(sizes[i] for i in labels[0] if i not in labels[2])
+
+
+def _products(labels: Labels, sizes) -> int:
+    return _terms(labels, sizes) * math.prod(sizes[i] for i in labels[2][:-1])
+
+
+def _unrolls(labels: Labels, sizes) -> bool:
+    left, right, out = labels
+    if not out or _products(labels, sizes) > MAX_PRODUCTS:
         return False
-    if not both:
-        return terms <= MAX_TERMS_SHARED
-    return terms <= (MAX_TERMS_VECTOR if min(free) == 1 else MAX_TERMS)
+    both = out[-1] in left and out[-1] in right
+    free = [math.prod(sizes[i] for i in out[:-1] if i not in other) for other in (right, left)]
+    limit = MAX_TERMS_VECTOR if min(free) == 1 else MAX_TERMS
+    return _terms(labels, sizes) <= (limit if both else MAX_TERMS_SHARED)
 
 
-def _is_wide(*dtypes) -> bool:
-    """Types that can be summed as they are; narrow floats want a wider accumulator."""
-    return all(not jnp.issubdtype(d, jnp.floating) or jnp.finfo(d).bits >= 32 for d in dtypes)
+def _is_wide(dtype) -> bool:
+    """Types summed as they are: not booleans, nor floats that want a wider accumulator."""
+    if jnp.issubdtype(dtype, jnp.floating):
+        return jnp.finfo(dtype).bits >= 32
+    return jnp.issubdtype(dtype, jnp.number)
 
 
-def _add(a, b):
-    return lax.bitwise_or(a, b) if a.dtype == bool else lax.add(a, b)
+@functools.cache
+def _result_type(x, y, labels: Labels, precision):
+    """What `dot_general` would give, with all that JAX tracks about it."""
+    f = functools.partial(_matrix_product, labels=labels, precision=precision)
+    return params.result_type(f, x, y)
+
+
+def _transpose(side: int, cotangent, x, y, *, labels: Labels, precision):
+    """The cotangent of one operand is a product of the result's with the other operand."""
+    kind, other = (x.aval, y) if side == 0 else (y.aval, x)
+    back = labels[2], labels[1 - side], labels[side]
+    return lax.convert_element_type(contract(cotangent, other, back, precision), kind.dtype)
+
+
+def _batch(values, axes, *, labels: Labels, precision):
+    """`jax.vmap` of the product: one more label, in front."""
+    new = 1 + max((*labels[0], *labels[1], *labels[2]), default=0)
+
+    def insert(group, axis):
+        return group if axis is None else (*group[:axis], new, *group[axis:])
+
+    left, right = (insert(group, axis) for group, axis in zip(labels, axes, strict=False))
+    out = contract(*values, (left, right, (new, *labels[2])), precision)
+    return out, 0
+
+
+_compiled = jax.jit(contract_p.bind, static_argnames=("labels", "precision"))
+contract_p.def_impl(_compiled)
+contract_p.def_abstract_eval(_result_type)
+ad.defbilinear(contract_p, *(functools.partial(_transpose, side) for side in (0, 1)))
+batching.primitive_batchers[contract_p] = _batch
+mlir.register_lowering(contract_p, mlir.lower_fun(evaluate, multiple_results=False))
+mlir.register_lowering(
+    contract_p,
+    mlir.lower_fun(functools.partial(evaluate, call=True), multiple_results=False),
+    platform="cpu",
+)

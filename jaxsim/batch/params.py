@@ -8,11 +8,12 @@ is slower and just as right, and `warn_unknown` says so once.
 
 import functools
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import jax
+from jax import lax
 from jax.extend import core as jex
 
 
@@ -163,16 +164,41 @@ def _jaxpr(invars, outvars, eqns, effects):
     )
 
 
-def element(value, axis: int | None) -> jax.ShapeDtypeStruct:
-    """The type of one element of a value along `axis`, or of the value itself for None."""
+def element(value, axis: int | None):
+    """An array, or the type of one, that is like one element of a value along `axis`.
+
+    For None it is like the value itself. Inside `shard_map` the type says over which mesh axes
+    the value varies, and only a slice of the value carries this faithfully.
+    """
     kind = jax.typeof(value)
+    if _varying(kind):
+        return value if axis is None else lax.index_in_dim(value, 0, axis, keepdims=False)
     shape = list(kind.shape)
     if axis is not None:
         del shape[axis]
-    fields: dict[str, Any] = {"weak_type": getattr(kind, "weak_type", False)}
-    for name in ("vma", "manual_axis_type"):  # what shard_map tracks: two names of one thing
-        varying: Sequence | None = getattr(kind, name, None)
-        if varying:
-            fields[name] = varying
-            break
-    return jax.ShapeDtypeStruct(tuple(shape), kind.dtype, **fields)
+    weak = getattr(kind, "weak_type", False)
+    return jax.ShapeDtypeStruct(tuple(shape), kind.dtype, weak_type=weak)
+
+
+def match_varying(*values) -> list:
+    """Inside `shard_map`: make all values vary over the mesh axes that one of them varies over."""
+    axes = [_varying(jax.typeof(v)) for v in values]
+    union = frozenset().union(*axes)
+    return [
+        lax.pcast(v, tuple(union - own), to="varying") if union - own else v
+        for v, own in zip(values, axes, strict=True)
+    ]
+
+
+def _varying(kind) -> frozenset:
+    """Mesh axes of `shard_map` over which values of this type differ."""
+    return frozenset(getattr(getattr(kind, "manual_axis_type", None), "varying", ()))
+
+
+def result_type(f: Callable, *kinds):
+    """Type of f's result, from the types of its operands."""
+    (result,) = jax.make_jaxpr(f)(*[jax.ShapeDtypeStruct(k.shape, k.dtype) for k in kinds]).out_avals
+    varying = [k for k in kinds if _varying(k)]
+    if varying:
+        return result.update_manual_axis_type(varying[0].manual_axis_type)
+    return result

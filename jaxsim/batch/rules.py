@@ -135,6 +135,7 @@ RULES: dict[str, Callable] = {
     "slice": slice_,
     "transpose": transpose,
     "dot_general": contract.dot_general,
+    "lane_contract": contract.nested,
     "cholesky": linalg.cholesky,
     "triangular_solve": linalg.triangular_solve,
     "gather": index.gather,
