@@ -32,7 +32,7 @@ class Level:
     Attributes:
       nodes: slice of the level in the node order.
       dofs: slice of the level in the dof order.
-      parents: for each node its parent's position inside the previous level (roots: all zero).
+      parents: for each node its parent's position inside the previous level (roots: their own).
       groups: the nodes by kind.
     """
 
@@ -128,7 +128,10 @@ class Forest:
             lo, hi = ids[0], ids[-1] + 1
             dof_lo = self.dof_start[lo]
             dof_hi = dof_lo + self.ndof[lo:hi].sum()
-            parents = np.zeros(hi - lo, int) if d == 0 else self.parent[lo:hi] - levels[-1].nodes.start
+            # A root's parent is whatever the walk puts under it, one for each root.
+            parents = np.arange(hi - lo)
+            if levels:
+                parents = self.parent[lo:hi] - levels[-1].nodes.start
             groups, at, dof_at = [], 0, 0
             for k in sorted(set(self.kind[lo:hi])):
                 count = int((self.kind[lo:hi] == k).sum())
