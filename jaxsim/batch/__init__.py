@@ -1,5 +1,6 @@
-"""Batches: `vmap` with the batch last, chunks and devices."""
+"""Batches: `vmap` with the batch on the last axis, and rollouts over all devices."""
 
+from jaxsim.batch.rollout import batch_rollout
 from jaxsim.batch.vmap import vmap
 
-__all__ = ["vmap"]
+__all__ = ["batch_rollout", "vmap"]

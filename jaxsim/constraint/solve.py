@@ -14,7 +14,7 @@ from jaxsim.constraint.limit import limit_blocks
 from jaxsim.constraint.operators import make_operator
 from jaxsim.constraint.scene import Scene
 from jaxsim.dynamics.velocity import from_tree_order, to_tree_order
-from jaxsim.model import Model
+from jaxsim.model import Model, ModelError
 from jaxsim.solver import Operator, Problem, SolverStatus, attach, solve
 
 _CONSTRAINT_OFF = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
@@ -107,12 +107,36 @@ def constrained_acceleration(
     )
 
 
+def constraint_force(
+    scene: Scene, blocks: list[Block], qacc: Float[Array, "nv"]
+) -> Float[Array, "nv"]:
+    """`J^T f` of the rows at a given acceleration, where the forces are explicit."""
+    model = scene.model
+    if not blocks:
+        return jnp.zeros_like(qacc)
+    operator = make_operator(model, scene.kin, blocks, "articulated")
+    problem = Problem(tuple(block.kind for block in blocks))
+    x = to_tree_order(model, qacc)
+    forces = problem.forces(operator.rows(operator.lift(x)))
+    return from_tree_order(model, _pulled(operator, forces, x))
+
+
 def choose_strategy(model: Model, blocks: list[Block]) -> str:
     """The model's own choice, or articulated where nothing couples two moving links, dense for
-    few degrees of freedom, iterative for many."""
+    few degrees of freedom, iterative for many.
+
+    Raises:
+      ModelError: the model asks for the articulated solve, but some rows couple moving links.
+    """
+    coupled = [block.name for block in blocks if block.jacobian.coupled]
+    if model.hessian == "articulated" and coupled:
+        raise ModelError(
+            f"{coupled[0]} rows couple degrees of freedom beyond the tree, which hessian='articulated' "
+            "cannot solve; load the model with 'auto', 'dense' or 'iterative'"
+        )
     if model.hessian != "auto":
         return model.hessian
-    if not any(block.jacobian.coupled for block in blocks):
+    if not coupled:
         return "articulated"
     return "dense" if model.nv <= DENSE_LIMIT else "iterative"
 

@@ -12,7 +12,7 @@ from jaxsim.dynamics.jacobian import body_jacobians
 from jaxsim.dynamics.joints import BALL, FREE
 from jaxsim.dynamics.kinematics import Kinematics, kinematics
 from jaxsim.dynamics.tendon import tendon_jacobian, tendon_length
-from jaxsim.dynamics.transmission import transmission
+from jaxsim.dynamics.transmission import actuator_moment, transmission
 from jaxsim.dynamics.tree import accumulate_inward, take
 from jaxsim.model import Model
 from jaxsim.spatial import Pose
@@ -97,11 +97,12 @@ def _statistics(model: Model, mass: Float[Array, "nv nv"]):
 def _path_constants(model: Model, kin: Kinematics, inverse) -> Model:
     """Lengths and inverse inertias along tendons and actuators."""
     J = tendon_jacobian(model)
-    length, moment = transmission(model, kin, model.qpos0)
+    paths = transmission(model, kin, model.qpos0)
+    moment = actuator_moment(model, paths)
     return model.replace(
         tendon_length0=tendon_length(model, model.qpos0),
         tendon_invweight0=jnp.sum(J * inverse(J), axis=1),
-        actuator_length0=length,
+        actuator_length0=paths.length,
         actuator_acc0=jnp.sqrt(_positive(jnp.sum(inverse(moment) ** 2, axis=1))),
     )
 

@@ -7,15 +7,28 @@ import pathlib
 
 import mujoco
 
+from jaxsim.constraint.operators import STRATEGIES
+from jaxsim.io.budget import contact_budget
 from jaxsim.model import Model, ModelError, build
 
 
-def load(source: str | os.PathLike | mujoco.MjSpec | mujoco.MjModel) -> Model:
+def load(
+    source: str | os.PathLike | mujoco.MjSpec | mujoco.MjModel,
+    *,
+    max_contacts: int | None = None,
+    max_geom_pairs: int | None = None,
+    hessian: str = "auto",
+) -> Model:
     """Load a model.
 
     Args:
       source: path of an MJCF or URDF file (`.xml`, `.mjcf`, `.urdf`), the XML itself, the name of
         a bundled model, an `mujoco.MjSpec`, or a compiled `mujoco.MjModel`.
+      max_contacts: contact slots of each condim. None gives every candidate its own slots while
+        they are few; where they are many, it is found by simulating the model for a moment.
+      max_geom_pairs: geom pairs of each kind whose exact geometry is evaluated; None as before.
+      hessian: how the constraint solver solves with its Hessian: "articulated" (O(n); nothing may
+        couple two moving links), "dense", "iterative", or "auto" for the best of them.
 
     Returns:
       The model, its numbers in JAX's default float type.
@@ -25,8 +38,14 @@ def load(source: str | os.PathLike | mujoco.MjSpec | mujoco.MjModel) -> Model:
       ModelError: the XML is malformed, the model asks for something that is not supported, or
         its physics is invalid.
       TypeError: the source is of another type.
+      ValueError: an option is out of its range.
     """
-    return build(compile_mujoco(source))
+    if hessian not in ("auto", *STRATEGIES):
+        raise ValueError(f"hessian must be one of auto, {', '.join(STRATEGIES)}, got {hessian!r}")
+    mj = compile_mujoco(source)
+    model = build(mj)
+    budget = contact_budget(mj, model, max_geom_pairs, max_contacts)
+    return model.replace(hessian=hessian, max_geom_pairs=budget[0], max_contacts=budget[1])
 
 
 def compile_mujoco(source) -> mujoco.MjModel:

@@ -1,0 +1,115 @@
+"""Rollouts of many environments at once: all devices, chunks that stay in cache, batch last."""
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
+from jaxtyping import Array, Float
+
+from jaxsim.batch.vmap import vmap
+from jaxsim.model import Model, State
+from jaxsim.step import step
+
+# Lanes per chunk on a CPU: the working set of a chunk should stay in the second-level cache.
+CPU_LANES = 256
+
+
+def batch_rollout(
+    model: Model,
+    states: State,
+    ctrls: Float[Array, "B T nu"],
+    observe: Callable[[State], Any] | None = None,
+) -> State | tuple[State, Any]:
+    """Simulate a batch of environments over sequences of controls.
+
+    The batch is split over all devices, and on a CPU into chunks of `CPU_LANES` environments. A CPU
+    should be given one device per core before JAX starts:
+    `jax.config.update("jax_num_cpu_devices", os.cpu_count())`; the command line does so.
+
+    Args:
+      model: the model, shared by all environments.
+      states: states with a leading batch axis.
+      ctrls: controls of each environment and step.
+      observe: function of the state of one environment, evaluated after each step.
+
+    Returns:
+      The final states; with `observe`, also its results with leading axes (B, T).
+
+    Raises:
+      ValueError: shapes do not fit together.
+    """
+    _check(model, states, ctrls)
+    devices = jax.local_devices()
+    count = len(devices)
+    batch = ctrls.shape[0]
+    padded = -(-batch // count) * count
+    mesh = Mesh(np.array(devices), ("batch",))
+    pad = functools.partial(_pad, rows=padded - batch)
+    place = functools.partial(
+        jax.device_put, device=NamedSharding(mesh, PartitionSpec("batch"))
+    )
+    states, ctrls = jax.tree.map(lambda x: place(pad(x)), (states, ctrls))
+    run = _compiled(observe, mesh, devices[0].platform == "cpu")
+    final, seen = run(model, states, ctrls)
+    final, seen = jax.tree.map(lambda x: x[:batch], (final, seen)) if padded > batch else (final, seen)
+    return final if observe is None else (final, seen)
+
+
+@functools.lru_cache(maxsize=16)
+def _compiled(observe, mesh: Mesh, on_cpu: bool):
+    """The rollout of all chunks on all devices; one compilation for each model structure."""
+    spec, everywhere = PartitionSpec("batch"), PartitionSpec()
+
+    def shard(model, states, ctrls):
+        one = functools.partial(_rollout, model, observe)
+        lanes = ctrls.shape[0]
+        if not on_cpu or lanes <= CPU_LANES:
+            return vmap(one)(states, ctrls)
+        return _chunked(vmap(one), states, ctrls)
+
+    options = {"xla_cpu_multi_thread_eigen": False} if on_cpu else None
+    sharded = jax.shard_map(
+        shard, mesh=mesh, in_specs=(everywhere, spec, spec), out_specs=spec, check_vma=False
+    )
+    return jax.jit(sharded, compiler_options=options)
+
+
+def _rollout(model: Model, observe, state: State, ctrls: Float[Array, "T nu"]):
+    def body(state, ctrl):
+        state = step(model, state, ctrl)
+        return state, () if observe is None else observe(state)
+
+    return lax.scan(body, state, ctrls)
+
+
+def _chunked(f, states, ctrls):
+    """`lax.map` over equal chunks; the last one is filled up with copies."""
+    lanes = ctrls.shape[0]
+    chunks = -(-lanes // CPU_LANES)
+    size = -(-lanes // chunks)
+    padded = jax.tree.map(lambda x: _pad(x, chunks * size - lanes), (states, ctrls))
+    split = jax.tree.map(lambda x: x.reshape(chunks, size, *x.shape[1:]), padded)
+    out = lax.map(lambda x: f(*x), split)
+    return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:])[:lanes], out)
+
+
+def _pad(x, rows: int):
+    """Append copies of the last row."""
+    if rows == 0:
+        return x
+    return jnp.concatenate([x, jnp.broadcast_to(x[-1:], (rows, *x.shape[1:]))])
+
+
+def _check(model: Model, states: State, ctrls) -> None:
+    if jnp.ndim(ctrls) != 3 or ctrls.shape[2] != model.nu:
+        raise ValueError(f"ctrls must have shape (batch, steps, {model.nu}), got {jnp.shape(ctrls)}")
+    if jnp.ndim(states.qpos) != 2 or states.qpos.shape[0] != ctrls.shape[0]:
+        raise ValueError(
+            f"states.qpos must have shape ({ctrls.shape[0]}, {model.nq}) like the controls' batch, "
+            f"got {jnp.shape(states.qpos)}"
+        )

@@ -1,0 +1,82 @@
+"""What happens at one instant: from a state and controls to forces and accelerations.
+
+kinematics -> inertia and bias -> forces -> contacts -> convex problem -> acceleration
+"""
+
+import jax.numpy as jnp
+from flax import struct
+from jaxtyping import Array, Float
+
+from jaxsim.collision import Contact, detect, find_candidates
+from jaxsim.constraint import Constrained, Scene, constrained_acceleration
+from jaxsim.dynamics.aba import solve_mass
+from jaxsim.dynamics.actuation import Actuation, actuation
+from jaxsim.dynamics.kinematics import Kinematics, kinematics
+from jaxsim.dynamics.passive import PassiveForces, passive_forces
+from jaxsim.dynamics.rnea import project_wrench, qfrc_bias
+from jaxsim.dynamics.velocity import Velocities, velocities
+from jaxsim.integrate import Instant
+from jaxsim.model import Model, State
+
+
+@struct.dataclass
+class Smooth:
+    """Everything at an instant that does not depend on constraints."""
+
+    kin: Kinematics
+    vel: Velocities
+    passive: PassiveForces
+    actuation: Actuation
+    qfrc_bias: Float[Array, "nv"]
+    qfrc_smooth: Float[Array, "nv"]
+
+
+@struct.dataclass
+class Evaluation:
+    """Everything at an instant."""
+
+    smooth: Smooth
+    qacc_smooth: Float[Array, "nv"]
+    contact: Contact
+    constrained: Constrained
+
+    def instant(self) -> Instant:
+        """The part that an integrator needs."""
+        s = self.smooth
+        force = s.qfrc_smooth + self.constrained.qfrc_constraint
+        return Instant(s.kin, s.vel, s.actuation, force, self.constrained.qacc)
+
+
+def evaluate(model: Model, state: State, ctrl: Float[Array, "nu"] | None) -> Evaluation:
+    """Forces, contacts and accelerations of a state."""
+    smooth = smooth_dynamics(model, state, ctrl)
+    qacc_smooth = solve_mass(model, smooth.kin, smooth.qfrc_smooth)
+    scene, contact = constraint_scene(model, state, smooth)
+    constrained = constrained_acceleration(scene, contact, qacc_smooth, state.qacc_warmstart)
+    return Evaluation(smooth, qacc_smooth, contact, constrained)
+
+
+def smooth_dynamics(model: Model, state: State, ctrl: Float[Array, "nu"] | None) -> Smooth:
+    """Kinematics and all forces but those of constraints."""
+    kin = kinematics(model, state.qpos, state.mocap_pos, state.mocap_quat)
+    vel = velocities(model, kin, state.qvel)
+    bias = qfrc_bias(model, kin, vel)
+    passive = passive_forces(model, kin, vel, state.qpos, state.qvel)
+    actuators = actuation(
+        model, kin, state.qpos, state.qvel, state.act, ctrl, passive.qfrc_gravcomp
+    )
+    total = passive.qfrc_passive + actuators.qfrc_actuator + applied_force(model, kin, state) - bias
+    return Smooth(kin, vel, passive, actuators, bias, total)
+
+
+def applied_force(model: Model, kin: Kinematics, state: State) -> Float[Array, "nv"]:
+    """Generalised force of what the user applies to joints and to bodies."""
+    wrench = jnp.concatenate([state.xfrc_applied[:, 3:], state.xfrc_applied[:, :3]], axis=1)
+    return state.qfrc_applied + project_wrench(model, kin, wrench, kin.xipos)
+
+
+def constraint_scene(model: Model, state: State, smooth: Smooth) -> tuple[Scene, Contact]:
+    """What the constraint rows are computed from."""
+    candidates = find_candidates(model, model.max_geom_pairs, model.max_contacts)
+    contact = detect(model, candidates, smooth.kin.geom_xpos, smooth.kin.geom_xmat)
+    return Scene(model, smooth.kin, smooth.vel, state.qpos, state.qvel), contact
