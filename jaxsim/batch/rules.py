@@ -32,16 +32,30 @@ def elementwise(lanes, eqn, values, flags):
     return bind(eqn, *values)
 
 
-def clamp(lanes, eqn, values, flags):
-    """Bounds are scalars or of full shape; a batched one makes both full."""
+def fill(value, flag: bool, shape: Sequence[int]):
+    """The same for primitives that want scalars broadcast, too."""
+    value = fit(value, flag, shape)
+    full = jnp.ndim(value) == len(shape)
+    axes = (len(shape) - 1,) if flag else ()
+    return value if full else lax.broadcast_in_dim(value, tuple(shape), axes)
+
+
+def select_n(lanes, eqn, values, flags):
+    """Cases are of full shape; the selector is, too, or one scalar for all lanes."""
     shape = (*eqn.outvars[0].aval.shape, lanes.size)
-    low, x, high = (fit(v, f, shape) for v, f in zip(values, flags, strict=True))
-    x = lanes.materialise(x, jnp.ndim(x) == len(shape))
-    bounds = [low, high]
-    if any(jnp.ndim(b) for b in bounds):
-        bounds = [lax.broadcast_in_dim(b, shape, range(len(shape)) if jnp.ndim(b) else ())
-                  for b in bounds]
-    return bind(eqn, bounds[0], x, bounds[1])
+    which, *cases = values
+    if flags[0] or jnp.ndim(which):
+        which = fill(which, flags[0], shape)
+    return bind(eqn, which, *(fill(v, f, shape) for v, f in zip(cases, flags[1:], strict=True)))
+
+
+def clamp(lanes, eqn, values, flags):
+    """Bounds are scalars for all lanes, or of full shape."""
+    shape = (*eqn.outvars[0].aval.shape, lanes.size)
+    low, x, high = values
+    if flags[0] or flags[2] or jnp.ndim(low) or jnp.ndim(high):
+        low, high = fill(low, flags[0], shape), fill(high, flags[2], shape)
+    return bind(eqn, low, fill(x, flags[1], shape), high)
 
 
 def same_axes(lanes, eqn, values, flags):
@@ -95,7 +109,7 @@ def pad(lanes, eqn, values, flags):
         return [lax.pad(x, values[1], config)]
     inside = lax.pad(jnp.ones(x.shape, bool), False, config)
     x = lax.pad(x, jnp.zeros((), x.dtype), config)
-    return [lax.select(inside, x, fit(values[1], True, x.shape) if x.ndim > 1 else values[1])]
+    return [lax.select(inside, x, fill(values[1], True, x.shape))]
 
 
 def bind(eqn, *values) -> list:
@@ -114,7 +128,7 @@ complex conj convert_element_type copy copy_p cos cosh digamma div eq eq_to erf 
 exp2 expm1 floor ge gt igamma igamma_grad_a igammac imag integer_pow is_finite le le_to lgamma log
 log1p log2 logistic lt lt_to max min mul mulhi name ne neg nextafter not one_minus_square or
 polygamma population_count pow real reduce_precision regularized_incomplete_beta rem round rsqrt
-select_n shift_left shift_right_arithmetic shift_right_logical sign sin sinh sqrt square
+shift_left shift_right_arithmetic shift_right_logical sign sin sinh sqrt square
 stop_gradient sub tan tanh xor zeta
 """.split()
 
@@ -132,6 +146,7 @@ RULES: dict[str, Callable] = {
     "clamp": clamp,
     "pad": pad,
     "reshape": reshape,
+    "select_n": select_n,
     "slice": slice_,
     "transpose": transpose,
     "dot_general": contract.dot_general,
