@@ -43,9 +43,9 @@ def at(mj: mujoco.MjModel, qpos: np.ndarray, qvel: np.ndarray) -> mujoco.MjData:
     return data
 
 
-def quick_jit(f: Callable) -> Callable:
+def quick_jit(f: Callable, **options) -> Callable:
     """`jax.jit` that compiles faster and runs slower, for functions that are called once."""
-    return jax.jit(f, compiler_options={"xla_backend_optimization_level": 0})
+    return jax.jit(f, compiler_options={"xla_backend_optimization_level": 0}, **options)
 
 
 def stack(records: list[dict]) -> dict[str, np.ndarray]:

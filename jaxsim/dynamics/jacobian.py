@@ -44,24 +44,26 @@ def point_jacobian(
 
 def body_jacobian(model: Model, kin: Kinematics, body: int):
     """`point_jacobian` of the origin of a body's frame."""
-    return point_jacobian(model, kin, body, kin.xpos[_checked(model, "body", body)])
+    body = _checked(model, "body", body)
+    return point_jacobian(model, kin, body, kin.xpos[body])
 
 
 def com_jacobian(model: Model, kin: Kinematics, body: int):
     """`point_jacobian` of the centre of mass of one body."""
-    return point_jacobian(model, kin, body, kin.xipos[_checked(model, "body", body)])
+    body = _checked(model, "body", body)
+    return point_jacobian(model, kin, body, kin.xipos[body])
 
 
 def geom_jacobian(model: Model, kin: Kinematics, geom: int):
     """`point_jacobian` of the centre of a geom."""
-    body = model.geom_bodyid[_checked(model, "geom", geom)]
-    return point_jacobian(model, kin, body, kin.geom_xpos[geom])
+    geom = _checked(model, "geom", geom)
+    return point_jacobian(model, kin, model.geom_bodyid[geom], kin.geom_xpos[geom])
 
 
 def site_jacobian(model: Model, kin: Kinematics, site: int):
     """`point_jacobian` of a site."""
-    body = model.site_bodyid[_checked(model, "site", site)]
-    return point_jacobian(model, kin, body, kin.site_xpos[site])
+    site = _checked(model, "site", site)
+    return point_jacobian(model, kin, model.site_bodyid[site], kin.site_xpos[site])
 
 
 def body_jacobians(

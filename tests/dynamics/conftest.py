@@ -10,6 +10,7 @@ from oracle import quick_jit
 from random_models import random_model, random_states
 
 from jaxsim.dynamics.aba import forward_dynamics, solve_mass
+from jaxsim.dynamics.coordinates import integrate_pos
 from jaxsim.dynamics.coriolis import coriolis_matrix
 from jaxsim.dynamics.crba import composite_mass_matrix
 from jaxsim.dynamics.energy import kinetic_energy, potential_energy
@@ -21,6 +22,7 @@ from jaxsim.dynamics.momentum import (
     subtree_velocities,
 )
 from jaxsim.dynamics.rnea import inverse_dynamics, qfrc_bias
+from jaxsim.dynamics.spring import qfrc_spring
 from jaxsim.dynamics.velocity import velocities
 from jaxsim.io import load
 
@@ -43,10 +45,8 @@ def scene(request) -> types.SimpleNamespace:
         qpos, qvel = random_states(mj, seed=1, n=4)
         qacc = np.random.default_rng(2).standard_normal(qvel.shape)
         compute = quick_jit(jax.vmap(quantities, in_axes=(None, 0, 0, 0)))
-        values = {name: np.asarray(x) for name, x in compute(model, qpos, qvel, qacc).items()}
-    return types.SimpleNamespace(
-        mj=mj, model=model, qpos=qpos, qvel=qvel, qacc=qacc, n=len(qpos), **values
-    )
+        values = jax.tree.map(np.asarray, compute(model, qpos, qvel, qacc))
+    return types.SimpleNamespace(mj=mj, model=model, qpos=qpos, qvel=qvel, qacc=qacc, **values)
 
 
 def quantities(model, qpos, qvel, qacc):
@@ -70,6 +70,30 @@ def quantities(model, qpos, qvel, qacc):
         "subtree_linvel": linvel,
         "subtree_angmom": angmom,
         "jacobians": body_jacobians(model, kin, kin.xipos),
-        "com": kin.subtree_com[0],
         "xipos": kin.xipos,
+        "spring": qfrc_spring(model, qpos),
+        "potential_gradient": jax.grad(lambda dq: _potential(model, qpos, dq))(0 * qvel),
+        "rate": _rates(model, qpos, qvel, qacc),
     }
+
+
+def _potential(model, qpos, dq):
+    moved = integrate_pos(model, qpos, dq, 1.0)
+    return potential_energy(model, kinematics(model, moved), moved)
+
+
+def _rates(model, qpos, qvel, qacc):
+    """Derivatives with respect to time along the motion that starts with these accelerations."""
+
+    def along(t):
+        q, v = integrate_pos(model, qpos, qvel, t), qvel + qacc * t
+        kin = kinematics(model, q)
+        vel = velocities(model, kin, v)
+        return {
+            "mass_matrix": composite_mass_matrix(model, kin),
+            "energy": kinetic_energy(model, kin, vel, v) + potential_energy(model, kin, q),
+            "com": kin.subtree_com,
+            "jacobians": body_jacobians(model, kin, kin.xipos),
+        }
+
+    return jax.jvp(along, (0.0,), (1.0,))[1]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from assets import UNSUPPORTED, asset_files
 from oracle import MATRICES, POSITIONS, assert_close, at, oracle_stages, quick_jit
-from random_models import random_states
+from random_models import binary_tree, chain, forest, random_model, random_states, star
 
 from jaxsim.dynamics.aba import solve_mass
 from jaxsim.dynamics.crba import composite_mass_matrix
@@ -30,6 +30,22 @@ SAMPLE = (
     "mujoco.mjx:tendon/fixed.xml",
 )
 SINGLE = ("gymnasium:ant.xml", "mujoco.mjx:pendula.xml")
+
+SHAPES = {
+    "chain of 5": lambda: chain(5),
+    "chain of 40": lambda: chain(40, "slide"),
+    "chain of 512": lambda: chain(512),
+    "binary tree": lambda: binary_tree(31),
+    "star": lambda: star(60),
+    "equal chains": lambda: forest(3, 20),
+    "no joints": lambda: chain(0),
+    "one free body": lambda: star(0),
+    "trees on mocap bodies and on the world": lambda: mujoco.MjModel.from_xml_string(
+        random_model(0, bodies=4, trees=3, mocap=True, multiple=False)
+    ),
+}
+
+LARGE = ("chain of 512", "binary tree", "star", "equal chains")
 
 # Absolute and relative tolerances in float64 and float32.
 TOLERANCES = {
@@ -65,7 +81,7 @@ def _refusal(name: str) -> str | None:
     "name", [n if n in SAMPLE else pytest.param(n, marks=pytest.mark.slow) for n in FILES]
 )
 def test_float64(name):
-    _compare(name, precision=0)
+    _compare_file(name, precision=0)
 
 
 @pytest.mark.parametrize(
@@ -73,13 +89,22 @@ def test_float64(name):
 )
 def test_float32(name):
     with jax.enable_x64(False):
-        _compare(name, precision=1)
+        _compare_file(name, precision=1)
 
 
-def _compare(name: str, precision: int):
-    mj = mujoco.MjModel.from_xml_path(str(FILES[name]))
-    if _refusal(name):
-        return
+@pytest.mark.parametrize(
+    "shape", [s if s not in LARGE else pytest.param(s, marks=pytest.mark.slow) for s in SHAPES]
+)
+def test_shapes_of_trees(shape):
+    _compare(SHAPES[shape](), precision=0)
+
+
+def _compare_file(name: str, precision: int):
+    if not _refusal(name):
+        _compare(mujoco.MjModel.from_xml_path(str(FILES[name])), precision)
+
+
+def _compare(mj: mujoco.MjModel, precision: int):
     model = load(mj)
     qpos, qvel = random_states(mj, seed=0, n=8)
     data = [at(mj, q, v) for q, v in zip(qpos, qvel, strict=True)]

@@ -43,7 +43,7 @@ XML = """
 @pytest.fixture(scope="module")
 def scene():
     mj = mujoco.MjModel.from_xml_string(XML)
-    return mj, [(d, record(mj, d)) for d in rollout(mj, count=3, every=20)]
+    return mj, [(d, record(mj, d)) for d in rollout(mj, count=3, every=8)]
 
 
 @jax.jit
@@ -67,8 +67,8 @@ def _quantities(model, v):
 
 def test_external_wrenches_are_all_forces_of_constraints(scene):
     mj, instants = scene
+    assert any(d.ncon > 0 for d, _ in instants)
     for d, values in instants:
-        assert d.ncon > 0
         expected = d.qfrc_constraint.copy()
         for b in range(mj.nbody):
             force, torque = np.split(d.xfrc_applied[b], 2)

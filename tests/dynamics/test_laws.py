@@ -33,6 +33,25 @@ def test_coriolis_matrix_gives_the_velocity_part_of_the_bias(scene):
     assert_close(product, scene.bias - scene.bias_at_rest, 1e-11, 1e-11)
 
 
+def test_rate_of_mass_matrix_minus_twice_coriolis_is_skew(scene):
+    """`v . (dM/dt - 2 C) v = 0` for every v: Coriolis forces do no work."""
+    difference = scene.rate["mass_matrix"] - 2 * scene.coriolis
+    assert_close(difference, -difference.transpose(0, 2, 1), 1e-11, 1e-11)
+
+
+def test_gravity_and_springs_are_gradients_of_the_potential(scene):
+    assert_close(scene.potential_gradient, scene.bias_at_rest - scene.spring, 1e-10, 1e-10)
+
+
+def test_power_is_the_rate_of_energy(scene):
+    power = np.einsum("ni,ni->n", scene.qvel, scene.inverse - scene.spring)
+    assert_close(scene.rate["energy"], power, 1e-10, 1e-10)
+
+
+def test_subtree_velocity_is_the_rate_of_its_centre_of_mass(scene):
+    assert_close(scene.rate["com"], scene.subtree_linvel, 1e-12, 1e-12)
+
+
 def test_momentum_matrix_gives_the_momentum(scene):
     product = np.einsum("nij,nj->ni", scene.momentum_matrix, scene.qvel)
     assert_close(product, scene.momentum, 1e-12, 1e-12)
