@@ -14,6 +14,7 @@ from jaxtyping import Array, Float, Int
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.tree import sum_by, take
 from jaxsim.model import Model
+from jaxsim.spatial import quat_conj, quat_mul
 
 _CONNECT = int(mujoco.mjtEq.mjEQ_CONNECT)
 _WELD = int(mujoco.mjtEq.mjEQ_WELD)
@@ -46,8 +47,8 @@ def external_wrench(
       contact: the contacts.
       contact_force: (force, torque) of each contact on geom2 in the contact's frame, as
         `mj_contactForce` returns it; zero for a contact without force.
-      eq_force: multipliers of connect and weld equalities in the order of MuJoCo's rows, (force,
-        torque); a connect has no torque, and all other or inactive equalities are zero.
+      eq_force: multipliers of connect and weld equalities in the order of MuJoCo's rows: three of
+        translation, then three of rotation, which a connect lacks; zero for all others.
     """
     total = jnp.concatenate([xfrc_applied[:, 3:], xfrc_applied[:, :3]], axis=1)
     if contact is not None and contact_force is not None:
@@ -83,25 +84,31 @@ def contact_wrench(
 def equality_wrench(
     model: Model, kin: Kinematics, force: Float[Array, "neq 6"]
 ) -> Float[Array, "nbody 6"]:
-    """Wrenches of connect and weld equalities: `+F` at obj1's anchor, `-F` at obj2's.
+    """Wrenches of connect and weld equalities: `+F` on the first body, `-F` on the second.
 
-    As in MuJoCo, a weld's rotational multipliers stand for its torque.
+    The rotational rows of a weld are not a torque. With the orientations `q1` (welded pose
+    included) and `q2` of both sides they are `s Im(q2* q1)`, so multipliers `f` are the torque
+    `s Im(q2 f q1*) / 2`.
 
     Args:
       model: the model.
       kin: its kinematics.
-      force: (force, torque) multipliers as in `external_wrench`.
+      force: multipliers as in `external_wrench`.
     """
     (rows,) = np.nonzero(np.isin(model.eq_type, (_CONNECT, _WELD)))
     if not len(rows):
         return jnp.zeros((model.nbody, 6), kin.xipos.dtype)
-    force = take(force, rows)
+    data, force = take(model.eq_data, rows), take(force, rows)
     is_weld = jnp.asarray(model.eq_type[rows] == _WELD)[:, None]
-    torque, force = jnp.where(is_weld, force[:, 3:], 0), force[:, :3]
     # A weld's data has the anchor on the second body first, a connect's that on the first.
-    ahead, behind = (take(model.eq_data, rows)[:, s] for s in (slice(0, 3), slice(3, 6)))
-    body1, pos1 = _anchor(model, kin, rows, model.eq_obj1id, jnp.where(is_weld, behind, ahead))
-    body2, pos2 = _anchor(model, kin, rows, model.eq_obj2id, jnp.where(is_weld, ahead, behind))
+    anchor1 = jnp.where(is_weld, data[:, 3:6], data[:, :3])
+    anchor2 = jnp.where(is_weld, data[:, :3], data[:, 3:6])
+    body1, pos1, quat1 = _end(model, kin, rows, model.eq_obj1id, anchor1)
+    body2, pos2, quat2 = _end(model, kin, rows, model.eq_obj2id, anchor2)
+    at_site = jnp.asarray(model.eq_objtype[rows] == _SITE)[:, None]
+    quat1 = jnp.where(at_site, quat1, jax.vmap(quat_mul)(quat1, data[:, 6:10]))
+    torque = data[:, 10:11] * jax.vmap(_weld_torque)(quat1, quat2, force[:, 3:])
+    torque, force = jnp.where(is_weld, torque, 0), force[:, :3]
     first = _at_bodies(model, kin, body1, pos1, torque, force)
     return first + _at_bodies(model, kin, body2, pos2, -torque, -force)
 
@@ -113,17 +120,26 @@ def geom_body(model: Model, geom: Int[Array, "n"] | np.ndarray) -> Int[Array, "n
     return jnp.asarray(model.geom_bodyid, geom.dtype)[geom]
 
 
-def _anchor(model: Model, kin: Kinematics, rows, objects, local):
-    """Body and world position of one end of some equalities."""
+def _end(model: Model, kin: Kinematics, rows, objects, anchor):
+    """Body, world position and orientation of one end of some equalities."""
     objects = objects[rows]
     at_site = model.eq_objtype[rows] == _SITE
     body = objects.copy()
     body[at_site] = model.site_bodyid[objects[at_site]]
+    quat = take(kin.xquat, body)
     if at_site.any():
-        site = take(model.site_pos, np.where(at_site, objects, 0))
-        local = jnp.where(jnp.asarray(at_site)[:, None], site, local)
-    pos = jax.vmap(lambda p, R, x: p + R @ x)(take(kin.xpos, body), take(kin.xmat, body), local)
-    return body, pos
+        site, choose = np.where(at_site, objects, 0), jnp.asarray(at_site)[:, None]
+        anchor = jnp.where(choose, take(model.site_pos, site), anchor)
+        turned = jax.vmap(quat_mul)(quat, take(model.site_quat, site))
+        quat = jnp.where(choose, turned, quat)
+    pos = jax.vmap(lambda p, R, x: p + R @ x)(take(kin.xpos, body), take(kin.xmat, body), anchor)
+    return body, pos, quat
+
+
+def _weld_torque(quat1, quat2, f):
+    """`Im(q2 f q1*) / 2`."""
+    pure = jnp.concatenate([jnp.zeros_like(f[:1]), f])
+    return 0.5 * quat_mul(quat_mul(quat2, pure), quat_conj(quat1))[1:]
 
 
 def _at_bodies(model: Model, kin: Kinematics, body, pos, torque, force):
