@@ -5,7 +5,6 @@ import inspect
 import pkgutil
 import subprocess
 import sys
-from importlib import metadata
 
 import jax
 import mujoco
@@ -65,10 +64,6 @@ def test_import_is_silent_and_changes_no_setting():
         [sys.executable, "-c", IMPORT_ONLY], capture_output=True, text=True, timeout=120
     )
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
-
-
-def test_version_is_the_distribution_version():
-    assert jaxsim.__version__ == metadata.version("jaxsim-physics")
 
 
 @pytest.mark.parametrize("name", PUBLIC)

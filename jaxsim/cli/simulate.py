@@ -54,7 +54,7 @@ def simulate(model: jaxsim.Model, state: jaxsim.State, arguments: argparse.Names
     """Step all environments, a chunk at a time, and watch for those that diverge."""
     mesh = jax.sharding.Mesh(_devices(arguments.envs), ("batch",))
     advance = compiled_chunk(model, arguments.ctrl, mesh)
-    states, keys = _initial(state, arguments, mesh)
+    states, keys = initial_states(state, arguments.envs, arguments.seed, mesh)
     start = time.perf_counter()
     states, keys, _ = jax.block_until_ready(advance(states, keys, 0))
     compile_time = time.perf_counter() - start
@@ -131,7 +131,7 @@ def _devices(envs: int) -> list:
     return devices[: max(n for n in range(1, len(devices) + 1) if envs % n == 0)]
 
 
-def _initial(state: jaxsim.State, arguments: argparse.Namespace, mesh: jax.sharding.Mesh):
+def initial_states(state: jaxsim.State, envs: int, seed: int, mesh: jax.sharding.Mesh):
     """States and random keys of all environments; velocities differ, positions do not."""
     split = NamedSharding(mesh, PartitionSpec("batch"))
 
@@ -140,7 +140,7 @@ def _initial(state: jaxsim.State, arguments: argparse.Namespace, mesh: jax.shard
         noise = 0.01 * jax.random.normal(velocity, state.qvel.shape, state.qvel.dtype)
         return state.replace(qvel=state.qvel + noise), control
 
-    keys = jax.random.split(jax.random.key(arguments.seed), arguments.envs)
+    keys = jax.random.split(jax.random.key(seed), envs)
     return jax.jit(jax.vmap(one), out_shardings=split)(keys)
 
 
