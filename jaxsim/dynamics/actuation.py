@@ -65,7 +65,7 @@ def actuation(
     ctrl: Float[Array, "nu"] | None,
     qfrc_gravcomp: Float[Array, "nv"],
 ) -> Actuation:
-    """Forces of all actuators and rates of their activations.
+    """Forces of all actuators and rates of their activations; all zero if they are switched off.
 
     Args:
       model: the model.
@@ -77,11 +77,11 @@ def actuation(
       qfrc_gravcomp: gravity compensation, of which actuators exert what the joints ask them to.
     """
     t = transmission(model, kin, qpos)
-    velocity = actuator_velocity(model, t, qvel)
-    ctrl = jnp.zeros_like(velocity) if ctrl is None else ctrl
+    zeros = jnp.zeros_like(t.length)
     if not model.nu or model.opt.disabled(_ACTUATION):
-        zeros = jnp.zeros_like(velocity)
-        return Actuation(t, velocity, ctrl, zeros, jnp.zeros_like(qvel), jnp.zeros_like(act))
+        return Actuation(t, zeros, zeros, zeros, jnp.zeros_like(qvel), jnp.zeros_like(act))
+    velocity = actuator_velocity(model, t, qvel)
+    ctrl = zeros if ctrl is None else ctrl
     clamped = clamp_ctrl(model, ctrl)
     act_dot = activation_rate(model, act, clamped)
     used = _inputs(model, act, act_dot, clamped)
