@@ -44,13 +44,15 @@ def group_sensors(model: Model) -> tuple[Group, ...]:
     Raises:
       ModelError: a sensor is attached to a camera.
     """
-    keys: dict[tuple, list[int]] = {}
+    keys: dict[tuple[str, int, int, int], list[int]] = {}
     for s in range(model.nsensor):
         keys.setdefault(_key(model, s), []).append(s)
-    return tuple(
-        Group(*key, np.array(ids), model.sensor_objid[ids], model.sensor_refid[ids])
-        for key, ids in sorted(keys.items())
-    )
+    return tuple(_group(model, *key, ids) for key, ids in sorted(keys.items()))
+
+
+def _group(model: Model, kind, objtype, reftype, variant, ids) -> Group:
+    obj, ref = model.sensor_objid[ids], model.sensor_refid[ids]
+    return Group(kind, objtype, reftype, variant, np.array(ids), obj, ref)
 
 
 def kinds(model: Model) -> frozenset[str]:

@@ -51,7 +51,10 @@ def _off(model: Model) -> bool:
 
 
 def _limited(limited, result):
-    return tuple(jnp.where(jnp.asarray(limited, bool), a, 0) for a in result)
+    """Zero for what has no limit at all."""
+    limited = jnp.asarray(limited, bool)
+    pos, vel = result
+    return jnp.where(limited, pos, 0), jnp.where(limited, vel, 0)
 
 
 def _both(x, v, low, high, margin):

@@ -1,6 +1,7 @@
 """Quantities that several sensors share, computed when the first of them asks."""
 
 import functools
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -33,7 +34,8 @@ class Readings:
 
     def __init__(self, model: Model, signals: Signals):
         self.model = model
-        self.signals = signals
+        # Untyped: which optional fields are there was checked against the sensors before.
+        self.signals: Any = signals
 
     @functools.cached_property
     def inertia(self) -> Inertia:
