@@ -7,6 +7,7 @@ its only root: Newton steps on phi' inside a bracket, bisection when they stop p
 from collections.abc import Callable
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from flax import struct
 from jax import lax
@@ -97,9 +98,10 @@ def line_search(
     search = _Search(one, zero, inf, inf, jnp.zeros((), bool), jnp.zeros((), int))
     search = _repeat(lambda s: _advance(line, accept, s), search, iterations)
     # The last point may be a Newton step whose cost was never seen; low improves by convexity.
-    worse = ~(line.change(search.alpha) <= line.rounding * search.alpha)
-    alpha = jnp.where(worse, search.low, search.alpha)
-    return alpha, -line.change(alpha)
+    changes = jax.vmap(line.change)(jnp.stack([search.alpha, search.low]))
+    better = changes[0] <= line.rounding * search.alpha
+    alpha = jnp.where(better, search.alpha, search.low)
+    return alpha, -jnp.where(better, changes[0], changes[1])
 
 
 def _repeat(advance: Callable[[_Search], _Search], search: _Search, iterations: int) -> _Search:

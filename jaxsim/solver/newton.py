@@ -197,8 +197,9 @@ def _cost(search: _Search, y: Lifted) -> Float[Array, ""]:
 
 def _better(search: _Search, y_warm: Lifted) -> Lifted:
     """The warm start where it is cheaper; a warm start that is not finite never is."""
-    warm = _cost(search, y_warm) < _cost(search, search.y_smooth)
-    return _where(warm, y_warm, search.y_smooth)
+    both = jax.tree.map(lambda a, b: jnp.stack([a, b]), y_warm, search.y_smooth)
+    costs = jax.vmap(lambda y: _cost(search, y))(both)
+    return _where(costs[0] < costs[1], y_warm, search.y_smooth)
 
 
 def _minus(a: Lifted, b: Lifted) -> Lifted:

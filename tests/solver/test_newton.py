@@ -7,23 +7,17 @@ import pytest
 
 from jaxsim.solver import DenseOperator, Problem, Unilateral
 
-SCENES = [
-    ("elliptic", 1, 1.0),
-    ("elliptic", 3, 1.0),
-    ("elliptic", 3, 5.0),
-    ("elliptic", 4, 1.0),
-    ("elliptic", 6, 5.0),
-    ("pyramidal", 4, 1.0),
-]
+SCENES = [("elliptic", 1.0), ("elliptic", 5.0), ("pyramidal", 1.0)]
+every_scene = pytest.mark.parametrize(("cone", "impratio"), SCENES)
 
 
 def relative(a, b):
     return np.abs(np.asarray(a) - b).max() / max(1.0, np.abs(b).max())
 
 
-@pytest.mark.parametrize(("cone", "condim", "impratio"), SCENES)
-def test_agrees_with_mujoco(x64, scene, solve_tight, cone, condim, impratio):
-    case = scene(cone, condim, impratio)
+@every_scene
+def test_agrees_with_mujoco(x64, scene, solve_tight, cone, impratio):
+    case = scene(cone, impratio)
     solution = solve_tight(case.problem, case.operator, case.x_smooth, case.x_warm)
     forces = case.problem.forces(case.operator.rows(solution.y))
     assert relative(solution.x, case.qacc) < 1e-6
@@ -34,23 +28,13 @@ def test_agrees_with_mujoco(x64, scene, solve_tight, cone, condim, impratio):
     assert solution.status.iterations < 30
 
 
-@pytest.mark.parametrize(("cone", "condim", "impratio"), SCENES[1:3] + SCENES[-1:])
-def test_float32_agrees_with_mujoco(scene, solve_tight, cone, condim, impratio):
-    case = scene(cone, condim, impratio)
+@every_scene
+def test_float32_agrees_with_mujoco(scene, solve_tight, cone, impratio):
+    case = scene(cone, impratio)
     solution = solve_tight(case.problem, case.operator, case.x_smooth, case.x_warm)
     assert solution.x.dtype == jnp.float32
     assert relative(solution.x, case.qacc) < 1e-2
     assert solution.status.iterations < 30
-
-
-def test_cost_of_every_zone_equals_mujoco(x64, scene):
-    """The objective at MuJoCo's answer, without solving."""
-    for condim in (1, 3, 4, 6):
-        case = scene("elliptic", condim, 3.0)
-        rows = case.operator.rows(case.operator.lift(jnp.asarray(case.qacc)))
-        step = case.qacc - case.x_smooth
-        ours = case.problem.cost(rows) + 0.5 * step @ case.operator.mass @ step
-        np.testing.assert_allclose(ours, case.cost, rtol=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -83,9 +67,8 @@ def test_complementarity_of_unilateral_rows(x64, random_case, solve_tight):
 
 
 @pytest.mark.parametrize("iterations", [0, 1])
-def test_the_cost_falls_with_every_iteration(x64, scene, solve_tight, iterations):
-    case = scene("elliptic", 3)
-    args = case.problem, case.operator, case.x_smooth, case.x_warm
+def test_the_cost_falls_with_every_iteration(x64, random_case, solve_tight, iterations):
+    args = random_case(2)
     fewer = solve_tight(*args, iterations=iterations).status
     more = solve_tight(*args, iterations=iterations + 1).status
     assert fewer.iterations == iterations
@@ -93,36 +76,33 @@ def test_the_cost_falls_with_every_iteration(x64, scene, solve_tight, iterations
     np.testing.assert_allclose(fewer.cost - more.cost, more.improvement, rtol=1e-9)
 
 
-@pytest.mark.parametrize("ls_iterations", [1, 9])
-def test_every_line_search_length_descends(scene, solve_tight, ls_iterations):
-    case = scene("elliptic", 3)
-    args = case.problem, case.operator, case.x_smooth, case.x_warm
+@pytest.mark.parametrize("ls_iterations", [4, 50])
+def test_every_line_search_length_descends(x64, random_case, solve_tight, ls_iterations):
+    args = random_case(2)
     before = solve_tight(*args, iterations=0).status.cost
     after = solve_tight(*args, iterations=1, ls_iterations=ls_iterations).status
     assert after.cost < before
 
 
-def test_the_tolerance_stops_the_loop(x64, scene, solve_tight):
-    case = scene("elliptic", 3)
-    args = case.problem, case.operator, case.x_smooth, case.x_warm
-    loose = solve_tight(*args, tolerance=1e-1, scale=case.scale)
-    tight = solve_tight(*args, tolerance=1e-8, scale=case.scale)
+def test_the_tolerance_stops_the_loop(x64, random_case, solve_tight):
+    args = random_case(2)
+    loose = solve_tight(*args, tolerance=1e-1)
+    tight = solve_tight(*args, tolerance=1e-8)
     assert 0 < loose.status.iterations < tight.status.iterations
-    again = solve_tight(*args[:3], tight.x, tolerance=1e-8, scale=case.scale)
+    again = solve_tight(*args, tight.x, tolerance=1e-8)
     assert again.status.iterations == 0
     np.testing.assert_array_equal(again.x, tight.x)
 
 
-def test_the_cheaper_start_is_used(x64, scene, solve_tight):
-    case = scene("elliptic", 3)
-    args = case.problem, case.operator, case.x_smooth
-    good = jnp.asarray(case.qacc)
+def test_the_cheaper_start_is_used(x64, random_case, solve_tight):
+    args = random_case(2)
+    good = solve_tight(*args).x
     start = {"iterations": 0}
     np.testing.assert_array_equal(solve_tight(*args, good, **start).x, good)
     for warm in (good + 1e6, jnp.full_like(good, jnp.nan)):
-        np.testing.assert_array_equal(solve_tight(*args, warm, **start).x, case.x_smooth)
+        np.testing.assert_array_equal(solve_tight(*args, warm, **start).x, args[2])
     cold = solve_tight(*args, good, warmstart=False, **start)
-    np.testing.assert_array_equal(cold.x, case.x_smooth)
+    np.testing.assert_array_equal(cold.x, args[2])
 
 
 def test_vmap_is_the_solver_of_every_lane(x64, random_case, solve_tight):
@@ -136,7 +116,7 @@ def test_vmap_is_the_solver_of_every_lane(x64, random_case, solve_tight):
 
 
 @pytest.mark.parametrize("iterations", [1, 100])
-def test_a_step_that_is_not_finite_is_refused(random_case, solve_tight, iterations):
+def test_a_step_that_is_not_finite_is_refused(x64, random_case, solve_tight, iterations):
     problem, operator, x_smooth = random_case(0)
     broken = operator.replace(mass=-operator.mass - 1e3 * jnp.eye(len(x_smooth)))
     solution = solve_tight(problem, broken, x_smooth, iterations=iterations)
