@@ -1,0 +1,186 @@
+"""What all benchmarks share: devices, compilation, interleaved timing, machine, tables, results.
+
+Absolute times drift on shared machines. Candidates are therefore timed in turn, repetition by
+repetition, so that a disturbance meets all of them, and medians are reported with their spread.
+"""
+
+import argparse
+import dataclasses
+import datetime
+import importlib.metadata
+import json
+import os
+import pathlib
+import platform
+import statistics
+import time
+from collections.abc import Callable, Iterable, Sequence
+
+RESULTS = pathlib.Path(__file__).parent / "results"
+# Kernels of a batch-last program are small: XLA's threads cost more than they give.
+SINGLE_THREADED = {"xla_cpu_multi_thread_eigen": False}
+
+
+@dataclasses.dataclass
+class Timing:
+    """Seconds per call of one candidate: median, best, and half the interquartile range."""
+
+    median: float
+    best: float
+    spread: float
+    samples: list[float] = dataclasses.field(repr=False)
+
+    @classmethod
+    def of(cls, samples: Sequence[float]) -> "Timing":
+        ordered = sorted(samples)
+        quarter = len(ordered) // 4
+        return cls(
+            median=statistics.median(ordered),
+            best=ordered[0],
+            spread=(ordered[-1 - quarter] - ordered[quarter]) / 2,
+            samples=list(samples),
+        )
+
+    def per(self, count: float) -> "Timing":
+        """Seconds per item of calls that process `count` items."""
+        return Timing.of([s / count for s in self.samples])
+
+
+def interleave(
+    candidates: dict[str, Callable[[], object]], repetitions: int, at_least: float = 0.02
+) -> dict[str, Timing]:
+    """Time all candidates in turn, `repetitions` times.
+
+    Args:
+      candidates: functions that return after the work is done; the first call warms up.
+      repetitions: samples for each of them.
+      at_least: calls are repeated within a sample until it takes this long (s).
+    """
+    calls = {}
+    for name, run in candidates.items():
+        run()
+        calls[name] = max(1, round(at_least / max(_seconds(run, 1), 1e-9)))
+    samples = {name: [] for name in candidates}
+    for _ in range(repetitions):
+        for name, run in candidates.items():
+            samples[name].append(_seconds(run, calls[name]))
+    return {name: Timing.of(values) for name, values in samples.items()}
+
+
+def _seconds(run: Callable, calls: int) -> float:
+    start = time.perf_counter()
+    for _ in range(calls):
+        run()
+    return (time.perf_counter() - start) / calls
+
+
+def setup(devices: int = 1, x64: bool = False) -> None:
+    """Configure JAX; to be called before anything else touches it."""
+    import jax
+
+    jax.config.update("jax_num_cpu_devices", devices)
+    jax.config.update("jax_enable_x64", x64)
+    # A compilation that is found on disk would be reported as a fast one.
+    jax.config.update("jax_enable_compilation_cache", False)
+
+
+def compile_for(f: Callable, *args):
+    """Compile a function for its arguments.
+
+    Returns:
+      A function without arguments that runs it and waits, the compiled program, and the seconds
+      that tracing and compiling took.
+    """
+    import jax
+
+    options = SINGLE_THREADED if jax.default_backend() == "cpu" else None
+    start = time.perf_counter()
+    program = jax.jit(f, compiler_options=options).lower(*args).compile()
+    seconds = time.perf_counter() - start
+    return (lambda: jax.block_until_ready(program(*args))), program, seconds
+
+
+def parser(description: str, repetitions: int) -> argparse.ArgumentParser:
+    """Options that all benchmarks have."""
+    options = argparse.ArgumentParser(description=description)
+    options.add_argument("--repetitions", type=int, default=repetitions, help="interleaved samples")
+    options.add_argument("--name", help="name of the files to write (default: that of the script)")
+    options.add_argument("--out", type=pathlib.Path, default=RESULTS, help="where results are written")
+    options.add_argument("--dry", action="store_true", help="print, but write no files")
+    return options
+
+
+def machine() -> dict:
+    """What the numbers depend on besides the code."""
+    import jax
+
+    versions = ("jax", "jaxlib", "mujoco", "numpy")
+    return {
+        "cpu": _cpu_name(),
+        "cores": os.cpu_count(),
+        "load": round(os.getloadavg()[0], 2),
+        "device": jax.devices()[0].device_kind,
+        "devices": len(jax.devices()),
+        "python": platform.python_version(),
+        "date": datetime.date.today().isoformat(),
+    } | {name: importlib.metadata.version(name) for name in versions}
+
+
+def _cpu_name() -> str:
+    info = pathlib.Path("/proc/cpuinfo")
+    lines = info.read_text().splitlines() if info.exists() else []
+    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()
+
+
+def table(rows: Iterable[dict], columns: Sequence[str] | None = None) -> str:
+    """Rows as aligned text; numbers with three significant digits."""
+    rows = list(rows)
+    columns = columns or list(dict.fromkeys(key for row in rows for key in row))
+    cells = [list(columns)] + [[_text(row.get(c, "")) for c in columns] for row in rows]
+    widths = [max(len(line[i]) for line in cells) for i in range(len(columns))]
+    return "\n".join(
+        "  ".join(cell.rjust(w) if i else cell.ljust(w) for i, (cell, w) in enumerate(zip(line, widths, strict=True)))
+        for line in cells
+    )
+
+
+def _text(value) -> str:
+    if not isinstance(value, float):
+        return str(value)
+    if value == 0 or 1e-2 <= abs(value) < 1e4:
+        return f"{value:.3g}"
+    return f"{value:,.0f}" if abs(value) >= 1e4 else f"{value:.1e}"
+
+
+def write(options: argparse.Namespace, script: str, record: dict, draw: Callable | None = None) -> None:
+    """Write `NAME.json`, and `NAME.png` if there is something to draw.
+
+    Args:
+      options: of the command line.
+      script: `__file__` of the benchmark.
+      record: what was measured; the machine is added.
+      draw: function of a matplotlib figure.
+    """
+    if options.dry:
+        return
+    target = options.out / (options.name or pathlib.Path(script).stem)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    text = json.dumps({"machine": machine(), **record}, indent=1, default=float)
+    target.with_suffix(".json").write_text(text + "\n")
+    if draw is not None:
+        save_figure(target.with_suffix(".png"), draw)
+    print(f"written to {target}.json")
+
+
+def save_figure(path: pathlib.Path, draw: Callable) -> None:
+    """Draw without a display."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure = plt.figure(figsize=(9, 4), layout="constrained")
+    draw(figure)
+    figure.savefig(path, dpi=120)
+    plt.close(figure)
