@@ -1,5 +1,6 @@
 """What MuJoCo computes, stage by stage, under the names that `jaxsim` uses; and comparison."""
 
+import functools
 from collections.abc import Callable
 
 import jax
@@ -44,8 +45,20 @@ def at(mj: mujoco.MjModel, qpos: np.ndarray, qvel: np.ndarray) -> mujoco.MjData:
 
 
 def quick_jit(f: Callable, **options) -> Callable:
-    """`jax.jit` that compiles faster and runs slower, for functions that are called once."""
-    return jax.jit(f, compiler_options={"xla_backend_optimization_level": 0}, **options)
+    """`jax.jit` that compiles several times faster and runs slower, for functions called once."""
+    return jax.jit(f, compiler_options=_quick_options(), **options)
+
+
+@functools.cache
+def _quick_options() -> dict[str, bool | int]:
+    """Compiler options; the newer code generator is slow to compile, and not every JAX has a choice."""
+    level = {"xla_backend_optimization_level": 0}
+    older = level | {"xla_cpu_use_fusion_emitters": False}
+    try:
+        jax.jit(lambda x: x + 1, compiler_options=older)(1.0)
+    except jax.errors.JaxRuntimeError:
+        return level
+    return older
 
 
 def stack(records: list[dict]) -> dict[str, np.ndarray]:
