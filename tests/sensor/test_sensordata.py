@@ -98,6 +98,7 @@ def test_the_model_of_everything_has_everything(menagerie):
     assert (data[:, touches] == 0).any()
 
 
+@pytest.mark.slow
 def test_mjx_sensor_model(read, x64):
     path = resources.files("mujoco.mjx") / "test_data/sensor/sensor.xml"
     tree = ET.fromstring(path.read_text())
