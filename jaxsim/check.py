@@ -38,7 +38,8 @@ def _check_finite(*arrays: jax.Array) -> None:
     if np.any(bad):
         raise SimulationError(
             f"{int(np.sum(bad))} of {np.size(bad)} environments have numbers that are not finite; "
-            "use a smaller timestep, softer contacts (a larger solref time constant) or more armature"
+            "use a smaller timestep, softer contacts (a larger solref time constant) or more "
+            "armature"
         )
 
 
@@ -46,11 +47,11 @@ def _check_status(status: Status) -> None:
     lost = np.asarray(status.contact_overflow)
     if lost.max(initial=0) > 0:
         raise SimulationError(
-            f"up to {int(lost.max())} contacts found no slot in {int((lost > 0).sum())} of {lost.size} "
-            "environments; load the model with a larger max_contacts or max_geom_pairs"
+            f"up to {int(lost.max())} contacts found no slot in {int((lost > 0).sum())} of "
+            f"{lost.size} environments; load the model with a larger max_contacts or max_geom_pairs"
         )
     if not np.all(np.asarray(status.finite)):
         raise SimulationError(
-            "the constraint solver met numbers that are not finite; use a smaller timestep or check "
-            "masses that differ by many orders of magnitude"
+            "the constraint solver met numbers that are not finite; use a smaller timestep or "
+            "check masses that differ by many orders of magnitude"
         )

@@ -7,15 +7,15 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxsim.collision import Contact
 from jaxsim.constraint import constraint_blocks
-from jaxsim.dynamics.energy import kinetic_energy, potential_energy
-from jaxsim.dynamics.rnea import generalized_force, link_accelerations, link_forces
-from jaxsim.dynamics.reflected import dof_armature
+from jaxsim.constraint.solve import constraint_force
 from jaxsim.dynamics.crba import composite_mass_matrix
+from jaxsim.dynamics.energy import kinetic_energy, potential_energy
+from jaxsim.dynamics.reflected import dof_armature
+from jaxsim.dynamics.rnea import generalized_force, link_accelerations, link_forces
 from jaxsim.integrate import integrate
 from jaxsim.model import Model, State
 from jaxsim.pipeline import Evaluation, constraint_scene, evaluate, smooth_dynamics
 from jaxsim.readout import read_sensors
-from jaxsim.constraint.solve import constraint_force
 
 
 @struct.dataclass
@@ -128,7 +128,10 @@ def forward(model: Model, state: State, ctrl: Float[Array, "nu"] | None = None) 
     now = evaluate(model, state, ctrl)
     smooth, kin, found = now.smooth, now.smooth.kin, now.constrained
     energy = jnp.stack(
-        [potential_energy(model, kin, state.qpos), kinetic_energy(model, kin, smooth.vel, state.qvel)]
+        [
+            potential_energy(model, kin, state.qpos),
+            kinetic_energy(model, kin, smooth.vel, state.qvel),
+        ]
     )
     return Forward(
         xpos=kin.xpos,

@@ -57,7 +57,7 @@ def nested(lanes, eqn, values, flags):
     left, right, out = eqn.params["labels"]
     lane = 1 + max((*left, *right))
     labels = left + (lane,) * flags[0], right + (lane,) * flags[1], (*out, lane)
-    return [contract(*values, labels, eqn.params["precision"])]
+    return [contract(values[0], values[1], labels, eqn.params["precision"])]
 
 
 def contract(x, y, labels: Labels, precision: Any = None):
@@ -119,7 +119,7 @@ def _matrix_product(x, y, labels: Labels, precision):
         x, y, left, right = y, x, right, left
     summed = [i for i in left if i in right and i not in out]
     common = [i for i in left if i in right and i in out]
-    numbers = tuple(
+    numbers: Any = tuple(
         tuple(tuple(operand.index(i) for i in group) for operand in (left, right))
         for group in (summed, common)
     )
@@ -189,7 +189,7 @@ def _batch(values, axes, *, labels: Labels, precision):
         return group if axis is None else (*group[:axis], new, *group[axis:])
 
     left, right = (insert(group, axis) for group, axis in zip(labels, axes, strict=False))
-    out = contract(*values, (left, right, (new, *labels[2])), precision)
+    out = contract(values[0], values[1], (left, right, (new, *labels[2])), precision)
     return out, 0
 
 

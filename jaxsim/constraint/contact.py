@@ -24,7 +24,11 @@ ELLIPTIC = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
 
 def contact_blocks(scene: Scene, contact: Contact) -> list[Block]:
     """One block of rows for each contact dimension."""
-    return [_block(scene, _slots(contact, b.slots), b.condim) for b in contact.blocks if b.stop > b.start]
+    return [
+        _block(scene, _slots(contact, b.slots), b.condim)
+        for b in contact.blocks
+        if b.stop > b.start
+    ]
 
 
 def contact_forces(scene: Scene, contact: Contact, forces: list[Array]) -> Float[Array, "nc 6"]:
@@ -57,7 +61,9 @@ def _decoded(rows, friction):
 
 def _slots(contact: Contact, slots: slice):
     """The contacts of one block; ids may be numpy arrays, which `jax.tree.map` would trace."""
-    fields = "dist pos frame includemargin friction solref solreffriction solimp geom1 geom2".split()
+    fields = (
+        "dist pos frame includemargin friction solref solreffriction solimp geom1 geom2".split()
+    )
     return contact.replace(**{name: getattr(contact, name)[slots] for name in fields})
 
 
@@ -66,7 +72,8 @@ def _block(scene: Scene, contact: Contact, condim: int) -> Block:
     bodies = [_lookup(model.geom_bodyid, g) for g in (contact.geom1, contact.geom2)]
     links = [_lookup(model.body_link, b) for b in bodies]
     G = [_contact_rows(scene, contact, link, condim) for link in links]
-    weight = sum(_values(model.body_invweight0, b) for b in bodies)
+    first, second = (_values(model.body_invweight0, b) for b in bodies)
+    weight = first + second
     violation = contact.dist - contact.includemargin
     pyramidal = _pyramidal(scene, condim)
     if pyramidal:
@@ -104,11 +111,15 @@ def _contact_rows(scene: Scene, contact: Contact, link, condim: int) -> Float[Ar
     origins = scene.link_origins()
     # Links are numbered from zero; -1, what does not move, reads the last row and is never used.
     padded = jnp.concatenate([origins, jnp.zeros((1, 3), origins.dtype)])
-    arm = contact.pos - _values(padded, link % len(padded) if isinstance(link, np.ndarray) else link)
+    arm = contact.pos - _values(
+        padded, link % len(padded) if isinstance(link, np.ndarray) else link
+    )
 
     def one(arm, frame):
         linear = [jnp.concatenate([jnp.cross(arm, axis), axis]) for axis in frame[: min(condim, 3)]]
-        angular = [jnp.concatenate([axis, jnp.zeros_like(axis)]) for axis in frame[: max(condim - 3, 0)]]
+        angular = [
+            jnp.concatenate([axis, jnp.zeros_like(axis)]) for axis in frame[: max(condim - 3, 0)]
+        ]
         return jnp.stack(linear + angular)
 
     return jax.vmap(one)(arm, contact.frame)
@@ -121,7 +132,9 @@ def _pyramid(rows: Float[Array, "d 6"], mu: Float[Array, "d-1"]) -> Float[Array,
     return both.reshape(-1, rows.shape[1])
 
 
-def _pyramidal_rows(opt, condim, violation, velocity, weight, friction, solref, _, solimp) -> Unilateral:
+def _pyramidal_rows(
+    opt, condim, violation, velocity, weight, friction, solref, _, solimp
+) -> Unilateral:
     """All edges share one regularisation, that of the elliptic cone's friction."""
     r = response(opt, solref, solimp, violation)
     active = violation < 0

@@ -82,7 +82,10 @@ def _weld_quaternions(scene: Scene, ids: np.ndarray, relative):
     for k, i in enumerate(ids):
         one, two = int(model.eq_obj1id[i]), int(model.eq_obj2id[i])
         if sites[k]:
-            quats = [quat_mul(scene.kin.xquat[model.site_bodyid[s]], model.site_quat[s]) for s in (one, two)]
+            quats = [
+                quat_mul(scene.kin.xquat[model.site_bodyid[s]], model.site_quat[s])
+                for s in (one, two)
+            ]
         else:
             quats = [quat_mul(scene.kin.xquat[one], relative[k]), scene.kin.xquat[two]]
         first.append(quats[0])
@@ -115,7 +118,9 @@ def _rotation_bias(first, second, w1, w2):
 
 def _weights(scene: Scene, e: Ends, columns: int):
     """Inverse inertia of each row: translational ones first, then rotational ones."""
-    weight = take(scene.model.body_invweight0, e.body[0]) + take(scene.model.body_invweight0, e.body[1])
+    weight = take(scene.model.body_invweight0, e.body[0]) + take(
+        scene.model.body_invweight0, e.body[1]
+    )
     return jnp.repeat(weight[:, :columns], 3, axis=1)
 
 

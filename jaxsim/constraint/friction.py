@@ -26,7 +26,12 @@ def friction_blocks(scene: Scene) -> list[Block]:
     dofs, tendons = (np.array(ids, int) for ids in (model.friction_dofs, model.friction_tendons))
     if len(dofs):
         rows = DofRows(jnp.ones(len(dofs), scene.qvel.dtype), _tree_dofs(model, dofs))
-        parameters = model.dof_solref, model.dof_solimp, model.dof_invweight0, model.dof_frictionloss
+        parameters = (
+            model.dof_solref,
+            model.dof_solimp,
+            model.dof_invweight0,
+            model.dof_frictionloss,
+        )
         blocks.append(_block(scene, rows, dofs, parameters, "friction_dof"))
     if len(tendons):
         rows = DenseRows(to_tree_order(model, take(tendon_jacobian(model), tendons).T).T)
@@ -51,7 +56,9 @@ def _block(scene: Scene, jacobian, ids: np.ndarray, parameters, name: str) -> Bl
     solref, solimp, weight, floss = (take(p, ids) for p in parameters)
     aref, R = jax.vmap(row)(velocity, solref, solimp, weight)
     kind = Huber(aref=aref, D=1 / R, floss=floss)
-    return Block(kind, jacobian, jnp.zeros_like(velocity), velocity, name, tuple(int(i) for i in ids))
+    return Block(
+        kind, jacobian, jnp.zeros_like(velocity), velocity, name, tuple(int(i) for i in ids)
+    )
 
 
 def _tree_dofs(model, dofs: np.ndarray) -> tuple[int, ...]:

@@ -68,8 +68,10 @@ def response(
 
 
 def impedance(solimp: Float[Array, "5"], violation: Float[Array, ""]) -> Float[Array, ""]:
-    """The impedance d: from dmin at no violation to dmax at `width`, a power law on each side of
-    `midpoint`."""
+    """The impedance d: from dmin at no violation to dmax at `width`, two power laws between.
+
+    They meet at `midpoint`.
+    """
     dmin = jnp.clip(solimp[0], MIN_IMPEDANCE, MAX_IMPEDANCE)
     dmax = jnp.clip(solimp[1], MIN_IMPEDANCE, MAX_IMPEDANCE)
     width, power = solimp[2], jnp.maximum(solimp[4], 1.0)

@@ -129,7 +129,9 @@ class LinkRows:
     def pull(self, tree, force):
         """Wrenches on the links only."""
         wrench = jax.vmap(lambda G, f: f @ G)
-        parts = [_scatter(sign * wrench(G, force), link, len(tree)) for sign, G, link in self._sides()]
+        parts = [
+            _scatter(sign * wrench(G, force), link, len(tree)) for sign, G, link in self._sides()
+        ]
         return None, sum(parts[1:], parts[0])
 
     def curvature(self, tree, W):
@@ -140,7 +142,8 @@ class LinkRows:
     def dense(self, tree, cdof):
         """Rows times the motion axes of the degrees of freedom that move each link."""
         parts = [
-            sign * jax.vmap(lambda G, mask: (G @ cdof.T) * mask[None])(G, _moves(tree, link, cdof.dtype))
+            sign
+            * jax.vmap(lambda G, mask: (G @ cdof.T) * mask[None])(G, _moves(tree, link, cdof.dtype))
             for sign, G, link in self._sides()
         ]
         return sum(parts[1:], parts[0])

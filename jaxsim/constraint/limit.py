@@ -42,7 +42,9 @@ def _scalar_joints(scene: Scene, ids: np.ndarray) -> Block:
     """One row for both ends of a range: they are never active together."""
     model = scene.model
     violation, sign = _nearer_end(
-        take(scene.qpos, model.jnt_qposadr[ids]), take(model.jnt_range, ids), take(model.jnt_margin, ids)
+        take(scene.qpos, model.jnt_qposadr[ids]),
+        take(model.jnt_range, ids),
+        take(model.jnt_margin, ids),
     )
     dofs = model.structure.dof_position[model.jnt_dofadr[ids]]
     rows = DofRows(sign, tuple(int(d) for d in dofs))
@@ -72,7 +74,9 @@ def _tendons(scene: Scene, ids: np.ndarray) -> Block:
     """Tendon lengths within their range."""
     model = scene.model
     length = take(tendon_length(model, scene.qpos), ids)
-    violation, sign = _nearer_end(length, take(model.tendon_range, ids), take(model.tendon_margin, ids))
+    violation, sign = _nearer_end(
+        length, take(model.tendon_range, ids), take(model.tendon_margin, ids)
+    )
     J = sign[:, None] * take(tendon_jacobian(model), ids)
     parameters = (
         take(model.tendon_solref_lim, ids),

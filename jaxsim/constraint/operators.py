@@ -106,7 +106,9 @@ class TreeOperator:
         if self.exact:
             return TreePoint(*articulated(r))
         tolerance = _CG_ROUNDING * float(jnp.finfo(r.dtype).eps)
-        return pcg_solve(self, curvatures, r, lambda b: articulated(b)[0], tolerance, _CG_ITERATIONS)
+        return pcg_solve(
+            self, curvatures, r, lambda b: articulated(b)[0], tolerance, _CG_ITERATIONS
+        )
 
 
 def make_operator(model: Model, kin: Kinematics, blocks: list[Block], strategy: str) -> Operator:

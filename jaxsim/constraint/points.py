@@ -86,5 +86,7 @@ def bias_acceleration(scene: Scene, e: Ends) -> Float[Array, "n 6"]:
 
 def _of_links(x: Array, link: np.ndarray) -> Array:
     """Rows for links, zero for link -1."""
-    padded = jnp.concatenate([x, jnp.zeros_like(x[:1]) if len(x) else jnp.zeros((1, *x.shape[1:]), x.dtype)])
+    padded = jnp.concatenate(
+        [x, jnp.zeros_like(x[:1]) if len(x) else jnp.zeros((1, *x.shape[1:]), x.dtype)]
+    )
     return take(padded, np.where(link < 0, len(x), link))

@@ -15,7 +15,7 @@ from jaxsim.constraint.operators import make_operator
 from jaxsim.constraint.scene import Scene
 from jaxsim.dynamics.velocity import from_tree_order, to_tree_order
 from jaxsim.model import Model, ModelError
-from jaxsim.solver import Operator, Problem, SolverStatus, attach, solve
+from jaxsim.solver import Operator, Problem, SolverStatus, attach_lifted, solve
 
 _CONSTRAINT_OFF = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
 _CONTACT_OFF = mujoco.mjtDisableBit.mjDSBL_CONTACT
@@ -78,7 +78,7 @@ def constrained_acceleration(
     problem = Problem(tuple(block.kind for block in blocks))
     smooth = to_tree_order(model, qacc_smooth)
     status = _unconstrained_status(qacc_smooth)
-    x = smooth
+    y = y_smooth = operator.lift(smooth)
     if blocks:
         found = solve(
             problem,
@@ -91,9 +91,11 @@ def constrained_acceleration(
             ls_tolerance=model.opt.ls_tolerance,
             scale=1 / (model.stat.meaninertia * max(1, model.nv)),
             warmstart=not model.opt.disabled(_WARMSTART_OFF),
+            y_smooth=y_smooth,
         )
-        x, status = attach(found.x, problem, operator, smooth), found.status
-    forces = problem.forces(operator.rows(operator.lift(x)))
+        y, status = attach_lifted(found.y, problem, operator, smooth), found.status
+    x = operator.vector(y)
+    forces = problem.forces(operator.rows(y))
     contacts = [f for f, b in zip(forces, blocks, strict=True) if b.name.startswith("contact")]
     return Constrained(
         qacc=from_tree_order(model, x),
@@ -122,8 +124,10 @@ def constraint_force(
 
 
 def choose_strategy(model: Model, blocks: list[Block]) -> str:
-    """The model's own choice, or articulated where nothing couples two moving links, dense for
-    few degrees of freedom, iterative for many.
+    """How the Newton step is solved: as the model says, or by what couples and how much.
+
+    Articulated where nothing couples two moving links, else dense for few degrees of freedom and
+    iterative for many.
 
     Raises:
       ModelError: the model asks for the articulated solve, but some rows couple moving links.
@@ -131,8 +135,8 @@ def choose_strategy(model: Model, blocks: list[Block]) -> str:
     coupled = [block.name for block in blocks if block.jacobian.coupled]
     if model.hessian == "articulated" and coupled:
         raise ModelError(
-            f"{coupled[0]} rows couple degrees of freedom beyond the tree, which hessian='articulated' "
-            "cannot solve; load the model with 'auto', 'dense' or 'iterative'"
+            f"{coupled[0]} rows couple degrees of freedom beyond the tree, which "
+            "hessian='articulated' cannot solve; load the model with 'auto', 'dense' or 'iterative'"
         )
     if model.hessian != "auto":
         return model.hessian

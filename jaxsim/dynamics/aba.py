@@ -5,6 +5,7 @@ Featherstone, Rigid Body Dynamics Algorithms (2008), section 7.3, in world axes.
 
 import jax
 import jax.numpy as jnp
+from jax import lax
 from jaxtyping import Array, Float
 
 from jaxsim.dynamics.kinematics import Kinematics, kinematics
@@ -89,7 +90,9 @@ def _eliminate(children, matrix, dofs):
     articulated = articulated + matrix
     U = S @ articulated
     joint = S @ U.T + jnp.diag(diagonal)
-    gain, offset = _solve_joint(joint, U, force - S @ bias)
+    solved = _solve_joint(joint, U, force - S @ bias)
+    # Without the barrier XLA recomputes the small factors for each of the 36 entries below.
+    U, gain, offset = lax.optimization_barrier((U, *solved))
     return (articulated - U.T @ gain, bias + U.T @ offset), (gain, offset)
 
 
@@ -121,7 +124,8 @@ def _solve_joint(joint, U, u):
 
 def _factor(A, n: int):
     """Unit lower triangle and pivots of `A = L D L^T`, as nested lists of scalars."""
-    lower, pivots = [[None] * n for _ in range(n)], []
+    lower: list[list] = [[None] * n for _ in range(n)]
+    pivots = []
     for j in range(n):
         pivot = A[j, j]
         for k in range(j):

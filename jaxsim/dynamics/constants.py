@@ -42,7 +42,9 @@ def set_const(model: Model) -> Model:
     model = model.replace(
         body_subtreemass=_subtree_masses(model),
         body_invweight0=_body_weights(model, kin, inverse),
-        dof_invweight0=_dof_weights(model, jnp.diagonal(inverse(jnp.eye(model.nv, dtype=mass.dtype)))),
+        dof_invweight0=_dof_weights(
+            model, jnp.diagonal(inverse(jnp.eye(model.nv, dtype=mass.dtype)))
+        ),
         dof_M0=jnp.diagonal(mass),
         eq_data=_connect_anchors(model, kin),
         stat=_statistics(model, mass),
@@ -80,7 +82,9 @@ def _connect_anchors(model: Model, kin: Kinematics) -> Float[Array, "neq 12"]:
     """The anchor of a connect constraint in its second body, where the first body's anchor is."""
     data = model.eq_data
     for i in np.nonzero((model.eq_type == _CONNECT) & (model.eq_objtype == _BODY))[0]:
-        first, second = (Pose(kin.xquat[b], kin.xpos[b]) for b in (model.eq_obj1id[i], model.eq_obj2id[i]))
+        first, second = (
+            Pose(kin.xquat[b], kin.xpos[b]) for b in (model.eq_obj1id[i], model.eq_obj2id[i])
+        )
         anchor = second.inverse().apply(first.apply(data[i, :3]))
         data = data.at[i, 3:6].set(anchor)
     return data

@@ -13,7 +13,7 @@ from jaxsim.spatial.series import cotangent_defect
 
 
 def integrate_pos(
-    model: Model, qpos: Float[Array, "nq"], qvel: Float[Array, "nv"], dt: Float[Array, ""]
+    model: Model, qpos: Float[Array, "nq"], qvel: Float[Array, "nv"], dt: Float[Array, ""] | float
 ) -> Float[Array, "nq"]:
     """Coordinates after moving at constant velocity for `dt` seconds, as `mj_integratePos`."""
     return _per_joint(

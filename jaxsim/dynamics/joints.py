@@ -10,9 +10,9 @@ from jaxtyping import Array, Float
 
 from jaxsim.spatial import (
     Pose,
+    quat_difference,
     quat_from_axis_angle,
     quat_integrate,
-    quat_difference,
     quat_normalize,
     quat_rotate,
 )
@@ -84,7 +84,7 @@ def motion_subspace(
 
 
 def integrate_joint(
-    kind: int, q: Float[Array, "nq"], v: Float[Array, "nv"], dt: Float[Array, ""]
+    kind: int, q: Float[Array, "nq"], v: Float[Array, "nv"], dt: Float[Array, ""] | float
 ) -> Float[Array, "nq"]:
     """Coordinates after moving at constant joint velocity for `dt` seconds."""
     if kind == FREE:

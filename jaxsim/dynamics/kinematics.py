@@ -65,7 +65,9 @@ def kinematics(
     pose = _link_poses(model, links, qpos, base)
     body = _body_poses(model, links, pose, base)
     xmat = jax.vmap(quat_to_matrix)(body.quat)
-    xipos, ximat = _attached(body.pos, xmat, np.arange(model.nbody), model.body_ipos, model.body_iquat)
+    xipos, ximat = _attached(
+        body.pos, xmat, np.arange(model.nbody), model.body_ipos, model.body_iquat
+    )
     geoms = _attached(body.pos, xmat, model.geom_bodyid, model.geom_pos, model.geom_quat)
     sites = _attached(body.pos, xmat, model.site_bodyid, model.site_pos, model.site_quat)
     origin = take(pose.pos, reference_links(model))
@@ -160,7 +162,9 @@ def _body_poses(model: Model, links: Links, pose: Pose, base: Pose) -> Pose:
     """World poses of all bodies: their carrier's, composed with where they sit on it."""
     bodies = np.arange(model.nbody)
     link = model.body_link
-    index = np.where(link >= 0, len(base.pos) + link, np.minimum(_base_index(model, bodies), len(base.pos) - 1))
+    index = np.where(
+        link >= 0, len(base.pos) + link, np.minimum(_base_index(model, bodies), len(base.pos) - 1)
+    )
     carrier = jax.tree.map(lambda a, b: take(jnp.concatenate([a, b]), index), base, pose)
     (welded,) = np.nonzero(model.structure.body_carrier != bodies)
     if not len(welded):

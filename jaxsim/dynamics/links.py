@@ -81,9 +81,7 @@ def _offsets(model: Model, body: Pose) -> Pose:
     local = _local_poses(model, bodies, identity)
     parents = model.body_parentid[bodies]
     none = _identities(len(bodies), local.pos.dtype)
-    above = jax.tree.map(
-        lambda a, b: jnp.where(identity[:, None], b, take(a, parents)), body, none
-    )
+    above = jax.tree.map(lambda a, b: jnp.where(identity[:, None], b, take(a, parents)), body, none)
     return jax.vmap(Pose.__matmul__)(above, local)
 
 

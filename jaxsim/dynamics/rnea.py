@@ -59,7 +59,9 @@ def link_accelerations(
     tree = model.tree
     rate = vel.cdof_dot_qvel
     if qacc is not None:
-        rate = rate + sum_by(kin.cdof * to_tree_order(model, qacc)[:, None], tree.dof_node, len(tree))
+        rate = rate + sum_by(
+            kin.cdof * to_tree_order(model, qacc)[:, None], tree.dof_node, len(tree)
+        )
     lift = jnp.concatenate([jnp.zeros(3, rate.dtype), -gravity(model)])
     return accumulate_outward(tree, rate) + lift[None]
 

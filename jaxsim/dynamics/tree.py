@@ -54,7 +54,7 @@ def outward(forest: Forest, f: Callable, root: Any, nodes: Any, dofs: Any = ()) 
 
 
 def inward(forest: Forest, f: Callable, zero: Any, nodes: Any, dofs: Any = ()) -> tuple[Any, Any]:
-    """Recur from the leaves inward: `m_i, z_i = f(sum of m over the children of i, node_i, dofs_i)`.
+    """Recur from the leaves inward: `m_i, z_i = f(sum of m over children of i, node_i, dofs_i)`.
 
     Args:
       forest: the tree, static.
@@ -127,7 +127,7 @@ def sum_by(x: jax.Array, group: np.ndarray, n: int) -> jax.Array:
     return _sum_in_rounds(x, group, count)
 
 
-def _sum_in_rounds(x, group, count):
+def _sum_in_rounds(x, group, count) -> Any:
     """In round r, the r-th member of every group is added; absent members are a row of zeros."""
     padded = jnp.concatenate([x, jnp.zeros_like(x[:1])])
     members = [np.nonzero(group == g)[0] for g in range(len(count))]

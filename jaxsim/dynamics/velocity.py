@@ -47,7 +47,10 @@ def velocities(model: Model, kin: Kinematics, qvel: Float[Array, "nv"]) -> Veloc
 
 
 def body_twists(
-    model: Model, kin: Kinematics, link_twist: Float[Array, "njnt 6"], point: Float[Array, "nbody 3"]
+    model: Model,
+    kin: Kinematics,
+    link_twist: Float[Array, "njnt 6"],
+    point: Float[Array, "nbody 3"],
 ) -> Float[Array, "nbody 6"]:
     """Twists of all bodies about given world points, from the twists of the links.
 

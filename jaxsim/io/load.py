@@ -67,7 +67,9 @@ def compile_mujoco(source) -> mujoco.MjModel:
 
 def bundled_models() -> tuple[str, ...]:
     """Names of the models that come with the package."""
-    return tuple(sorted(p.name.removesuffix(".xml") for p in _assets().iterdir() if p.name.endswith(".xml")))
+    return tuple(
+        sorted(p.name.removesuffix(".xml") for p in _assets().iterdir() if p.name.endswith(".xml"))
+    )
 
 
 def _assets():
@@ -82,7 +84,9 @@ def _find(source: str | os.PathLike) -> pathlib.Path:
     if name in models:
         return pathlib.Path(str(_assets() / f"{name}.xml"))
     near = difflib.get_close_matches(name, models, n=3)
-    hint = f"did you mean {' or '.join(near)}?" if near else f"bundled models are {', '.join(models)}"
+    hint = (
+        f"did you mean {' or '.join(near)}?" if near else f"bundled models are {', '.join(models)}"
+    )
     raise FileNotFoundError(f"there is no file and no bundled model called {name!r}; {hint}")
 
 

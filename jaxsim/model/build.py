@@ -1,6 +1,7 @@
 """From a compiled `mujoco.MjModel` to a `Model`; the only place where input is validated."""
 
 import dataclasses
+from typing import Any
 
 import jax.numpy as jnp
 import mujoco
@@ -45,7 +46,9 @@ def build(mj: mujoco.MjModel) -> Model:
     model = Model(
         structure=structure,
         opt=_option(mj.opt),
-        stat=Statistic(**{n: _leaf(getattr(mj.stat, n)) for n in ("meaninertia", "meanmass", "extent")}),
+        stat=Statistic(
+            **{n: _leaf(getattr(mj.stat, n)) for n in ("meaninertia", "meanmass", "extent")}
+        ),
         **{name: _leaf(value) for name, value in leaves.items()},
     )
     check_physics(model)
@@ -53,7 +56,7 @@ def build(mj: mujoco.MjModel) -> Model:
     return model
 
 
-def _leaf(value) -> jnp.ndarray:
+def _leaf(value) -> Any:
     # A copy: MuJoCo's arrays are views into a buffer that changes under us.
     return jnp.asarray(np.array(value, np.float64), dtype=jnp.result_type(float))
 

@@ -55,7 +55,9 @@ class Names:
           KeyError: the kind does not exist.
         """
         if kind not in self._names:
-            raise KeyError(f"no kind of element is called {kind!r}; the kinds are {', '.join(KINDS)}")
+            raise KeyError(
+                f"no kind of element is called {kind!r}; the kinds are {', '.join(KINDS)}"
+            )
         return self._names[kind]
 
     def id(self, kind: str, name: str) -> int:
@@ -67,7 +69,9 @@ class Names:
         self.of(kind)
         ids = self._ids[kind]
         if name not in ids:
-            raise KeyError(f"the model has no {kind} named {name!r}; {_suggestion(name, list(ids))}")
+            raise KeyError(
+                f"the model has no {kind} named {name!r}; {_suggestion(name, list(ids))}"
+            )
         return ids[name]
 
     def name(self, kind: str, index: int) -> str:
@@ -79,7 +83,9 @@ class Names:
         """
         names = self.of(kind)
         if not 0 <= index < len(names):
-            raise IndexError(f"the model has {len(names)} elements of kind {kind!r}, got id {index}")
+            raise IndexError(
+                f"the model has {len(names)} elements of kind {kind!r}, got id {index}"
+            )
         return names[index]
 
     def label(self, kind: str, index: int) -> str:

@@ -27,7 +27,8 @@ ARRAYS = (
     "geom_type geom_contype geom_conaffinity geom_condim geom_bodyid geom_priority geom_dataid "
     "site_type site_bodyid pair_dim pair_geom1 pair_geom2 exclude_signature "
     "eq_type eq_obj1id eq_obj2id eq_objtype eq_active0 "
-    "tendon_adr tendon_num tendon_limited tendon_actfrclimited tendon_actuatorid wrap_type wrap_objid "
+    "tendon_adr tendon_num tendon_limited tendon_actfrclimited tendon_actuatorid "
+    "wrap_type wrap_objid "
     "actuator_trntype actuator_dyntype actuator_gaintype actuator_biastype actuator_trnid "
     "actuator_actadr actuator_actnum actuator_actlimited actuator_actearly actuator_ctrllimited "
     "actuator_forcelimited actuator_group "
@@ -50,7 +51,9 @@ class Structure:
     (`tree`) and the body tree (`body_tree`) are derived from them.
     """
 
-    def __init__(self, sizes: dict[str, int], arrays: dict[str, np.ndarray], names: Names, **extra: Any):
+    def __init__(
+        self, sizes: dict[str, int], arrays: dict[str, np.ndarray], names: Names, **extra: Any
+    ):
         self._fields: dict[str, Any] = {**sizes, **arrays, **extra}
         self.names = names
         digest = hashlib.sha256(repr((sizes, sorted(extra.items()), names.key)).encode())
@@ -112,7 +115,9 @@ class Structure:
         carrier = self.body_carrier
         last = self.body_jntadr[carrier] + self.body_jntnum[carrier] - 1
         moving = self.body_jntnum[carrier] > 0
-        return np.where(moving, self.tree.position[np.where(moving, last, 0)] if self.njnt else -1, -1)
+        return np.where(
+            moving, self.tree.position[np.where(moving, last, 0)] if self.njnt else -1, -1
+        )
 
     @functools.cached_property
     def link_first(self) -> np.ndarray:

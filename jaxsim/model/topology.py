@@ -141,7 +141,9 @@ class Forest:
                 )
                 at, dof_at = at + count, dof_at + count * nd
             levels.append(
-                Level(slice(int(lo), int(hi)), slice(int(dof_lo), int(dof_hi)), parents, tuple(groups))
+                Level(
+                    slice(int(lo), int(hi)), slice(int(dof_lo), int(dof_hi)), parents, tuple(groups)
+                )
             )
         return tuple(levels)
 

@@ -7,7 +7,6 @@ and passes.
 
 from collections.abc import Callable, Iterable
 
-import jax
 import mujoco
 import numpy as np
 
@@ -141,8 +140,8 @@ def _check_sensors(mj: mujoco.MjModel, names: _Labels) -> None:
     for s, kind in enumerate(mj.sensor_type):
         if int(kind) in unsupported:
             raise ModelError(
-                f"{names.sensor(s)}: type {unsupported[int(kind)]!r} is not supported; remove it, the "
-                "documentation's table of sensors lists the supported types"
+                f"{names.sensor(s)}: type {unsupported[int(kind)]!r} is not supported; remove it, "
+                "the documentation's table of sensors lists the supported types"
             )
     for attribute in ("history", "delay", "interval"):
         _check_zero(
@@ -167,8 +166,8 @@ def check_physics(model) -> None:
         # Slack for rounding: a flat body meets the bound exactly.
         if 2 * inertia[b].max() > inertia[b].sum() * (1 + 1e-4):
             raise ModelError(
-                f"{label('body', b)}: inertia {inertia[b].tolist()} breaks the triangle inequality; "
-                "no principal moment may exceed the sum of the other two"
+                f"{label('body', b)}: inertia {inertia[b].tolist()} breaks the triangle "
+                "inequality; no principal moment may exceed the sum of the other two"
             )
     _check_moving_mass(model, mass, label)
 
@@ -196,7 +195,7 @@ def _check_moving_mass(model, mass: np.ndarray, label) -> None:
     np.add.at(carried, carrier, mass)
     armature = np.asarray(model.dof_armature)
     for b in np.nonzero(model.body_jntnum > 0)[0]:
-        subtree = _subtree(model.body_parentid, b)
+        subtree = _subtree(model.body_parentid, int(b))
         start = model.body_dofadr[b]
         dofs = slice(start, start + model.body_dofnum[b])
         if carried[subtree].sum() < MIN_INERTIA and (armature[dofs] < MIN_INERTIA).any():
