@@ -3,10 +3,10 @@
 A 6x6 product for 256 lanes is six fused multiply-adds over arrays of shape (6, 6, 256), which
 XLA runs at full vector width; as `dot_general` it would be 256 tiny products with the batch in
 front. Times on one core (AVX-512, float32, 256 lanes) put the limits where they are: unrolled
-against `dot_general` of the transposed arrays, (12,12)x(12,12) takes 37 us against 87, (27,27)x(27,)
-18 against 109, (27,27)x(27,27) 280 against 350, but (8,128)x(128,8) 7600 against 390. With one
-operand shared by all lanes the batch is a free axis of one real matrix product, as fast from
-8 terms on and then faster.
+against `dot_general` of the transposed arrays, (12,12)x(12,12) takes 37 us against 87,
+(27,27)x(27,) 18 against 109, (27,27)x(27,27) 280 against 350, but (8,128)x(128,8) 7600 against 390.
+With one operand shared by all lanes the batch is a free axis of one real matrix product, as fast
+from 8 terms on and then faster.
 
 The product is a primitive of its own, `lane_contract`, lowered late. Its derivatives are then
 such products again, and not the transposes of unrolled sums, for grad(vmap(f)) as for
@@ -103,9 +103,7 @@ def _spread(value, labels: Sequence[int], at: dict[int, int], out: Sequence[int]
     """The slice of an operand at the contracted indices, its axes laid out as the result's."""
     start = [at.get(i, 0) for i in labels]
     limit = [at[i] + 1 if i in at else n for i, n in zip(labels, value.shape, strict=True)]
-    part = lax.squeeze(
-        lax.slice(value, start, limit), [a for a, i in enumerate(labels) if i in at]
-    )
+    part = lax.squeeze(lax.slice(value, start, limit), [a for a, i in enumerate(labels) if i in at])
     places = [out.index(i) for i in labels if i not in at]
     if places != sorted(places):
         part = lax.transpose(part, sorted(range(len(places)), key=places.__getitem__))

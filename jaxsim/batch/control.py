@@ -115,9 +115,7 @@ def remat(lanes, eqn, values, flags):
 
 def _raise(lanes, values, flags, wanted) -> list:
     """Give a lane axis to the values that the loop will batch."""
-    return [
-        lanes.materialise(v, f or not w) for v, f, w in zip(values, flags, wanted, strict=True)
-    ]
+    return [lanes.materialise(v, f or not w) for v, f, w in zip(values, flags, wanted, strict=True)]
 
 
 def _select(which, cases):

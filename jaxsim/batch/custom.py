@@ -97,7 +97,7 @@ class Residuals:
 
 
 def _restrict(f: Callable, xs, moving) -> tuple[Callable, list]:
-    """f as a function of its moving operands, and their values."""
+    """The function of its moving operands, and their values."""
 
     def partial(*some):
         rest = iter(some)

@@ -53,7 +53,9 @@ class Lanes:
     def evaluate_as(self, program, values, flags, wanted: Sequence[bool]) -> list:
         """The results, where those in `wanted` get a lane axis in any case."""
         results, out = self.evaluate(program, values, flags)
-        return [self.materialise(v, f or not w) for v, f, w in zip(results, out, wanted, strict=True)]
+        return [
+            self.materialise(v, f or not w) for v, f, w in zip(results, out, wanted, strict=True)
+        ]
 
     def evaluate_full(self, program, values, flags) -> list:
         """The results, each with a lane axis."""

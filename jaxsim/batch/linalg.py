@@ -13,7 +13,6 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from jaxsim.batch import params
 from jaxsim.batch.custom import with_jvp
 
 UNROLL = 6  # rows
@@ -47,7 +46,7 @@ def factor_unrolled(a):
     columns = []
     for j in range(len(a)):
         column = a[j:, j]
-        for k, previous in enumerate(columns):
+        for previous in columns:
             column = column - previous[j:] * previous[j][None]
         column = column * lax.rsqrt(column[0])[None]
         columns.append(jnp.concatenate([jnp.zeros_like(a[:j, j]), column]))
@@ -179,9 +178,7 @@ def _batch_first(lanes, eqn, flags, parameters=None) -> Callable:
     """The library's routine for all lanes."""
     axes = [-1 if f else None for f in flags]
     p = eqn.params if parameters is None else parameters
-    return jax.vmap(
-        lambda *xs: [eqn.primitive.bind(*xs, **p)], axes, -1, axis_size=lanes.size
-    )
+    return jax.vmap(lambda *xs: [eqn.primitive.bind(*xs, **p)], axes, -1, axis_size=lanes.size)
 
 
 def _on_cpu(loop: Callable, otherwise: Callable) -> Callable:

@@ -197,7 +197,9 @@ def _varying(kind) -> frozenset:
 
 def result_type(f: Callable, *kinds):
     """Type of f's result, from the types of its operands."""
-    (result,) = jax.make_jaxpr(f)(*[jax.ShapeDtypeStruct(k.shape, k.dtype) for k in kinds]).out_avals
+    (result,) = jax.make_jaxpr(f)(
+        *[jax.ShapeDtypeStruct(k.shape, k.dtype) for k in kinds]
+    ).out_avals
     varying = [k for k in kinds if _varying(k)]
     if varying:
         return result.update_manual_axis_type(varying[0].manual_axis_type)

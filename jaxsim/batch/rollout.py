@@ -50,13 +50,13 @@ def batch_rollout(
     padded = -(-batch // count) * count
     mesh = Mesh(np.array(devices), ("batch",))
     pad = functools.partial(_pad, rows=padded - batch)
-    place = functools.partial(
-        jax.device_put, device=NamedSharding(mesh, PartitionSpec("batch"))
-    )
+    place = functools.partial(jax.device_put, device=NamedSharding(mesh, PartitionSpec("batch")))
     states, ctrls = jax.tree.map(lambda x: place(pad(x)), (states, ctrls))
     run = _compiled(observe, mesh, devices[0].platform == "cpu")
     final, seen = run(model, states, ctrls)
-    final, seen = jax.tree.map(lambda x: x[:batch], (final, seen)) if padded > batch else (final, seen)
+    final, seen = (
+        jax.tree.map(lambda x: x[:batch], (final, seen)) if padded > batch else (final, seen)
+    )
     return final if observe is None else (final, seen)
 
 
@@ -107,7 +107,9 @@ def _pad(x, rows: int):
 
 def _check(model: Model, states: State, ctrls) -> None:
     if jnp.ndim(ctrls) != 3 or ctrls.shape[2] != model.nu:
-        raise ValueError(f"ctrls must have shape (batch, steps, {model.nu}), got {jnp.shape(ctrls)}")
+        raise ValueError(
+            f"ctrls must have shape (batch, steps, {model.nu}), got {jnp.shape(ctrls)}"
+        )
     if jnp.ndim(states.qpos) != 2 or states.qpos.shape[0] != ctrls.shape[0]:
         raise ValueError(
             f"states.qpos must have shape ({ctrls.shape[0]}, {model.nq}) like the controls' batch, "

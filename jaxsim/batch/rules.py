@@ -7,8 +7,8 @@ takes over. Most primitives name their axes from the front, so a trailing axis n
 
 from collections.abc import Callable, Sequence
 
-from jax import lax
 import jax.numpy as jnp
+from jax import lax
 
 from jaxsim.batch import contract, index, linalg
 
@@ -19,7 +19,7 @@ def fit(value, flag: bool, shape: Sequence[int]):
     Scalars stay scalars where no lane axis is at stake: primitives accept them.
     """
     rank = jnp.ndim(value)
-    if jnp.shape(value) == tuple(shape) and flag or rank == 0:
+    if (jnp.shape(value) == tuple(shape) and flag) or rank == 0:
         return value
     axes = [*range(rank - 1), len(shape) - 1] if flag else range(rank)
     return lax.broadcast_in_dim(value, tuple(shape), axes)
