@@ -9,12 +9,13 @@ FOLDERS = {
     "brax": "envs/assets",
 }
 
-# What the models that cannot be loaded ask for.
-UNSUPPORTED = {
-    "armature": "armature is not supported",
-    "spatial": "spatial tendons are not supported",
-    "singular": "mass matrix is singular",
-}
+# Why some models cannot be loaded: parts of the messages.
+UNSUPPORTED = (
+    "armature is not supported",
+    "spatial tendons are not supported",
+    "mass matrix is singular",
+    "may collide",
+)
 
 
 def asset_files() -> dict[str, pathlib.Path]:
