@@ -9,11 +9,16 @@ from jaxtyping import Array, Float
 
 from jaxsim.collision import Contact, detect, find_candidates
 from jaxsim.constraint import Constrained, Scene, constrained_acceleration
-from jaxsim.dynamics.aba import solve_mass
+from jaxsim.dynamics.aba import accelerations
 from jaxsim.dynamics.actuation import Actuation, actuation
 from jaxsim.dynamics.kinematics import Kinematics, kinematics
 from jaxsim.dynamics.passive import PassiveForces, passive_forces
-from jaxsim.dynamics.rnea import project_wrench, qfrc_bias
+from jaxsim.dynamics.rnea import (
+    generalized_force,
+    link_accelerations,
+    link_forces,
+    wrench_on_links,
+)
 from jaxsim.dynamics.velocity import Velocities, velocities
 from jaxsim.integrate import Instant
 from jaxsim.model import Model, State
@@ -21,13 +26,22 @@ from jaxsim.model import Model, State
 
 @struct.dataclass
 class Smooth:
-    """Everything at an instant that does not depend on constraints."""
+    """Everything at an instant that does not depend on constraints.
+
+    Attributes:
+      kin: kinematics.
+      vel: link velocities.
+      passive: springs, dampers, gravity compensation, drag.
+      actuation: what the actuators do.
+      inertial_force: what each link's motion without `qacc` needs, gravity included; tree order.
+      qfrc_smooth: all generalised forces but those of constraints, minus the bias.
+    """
 
     kin: Kinematics
     vel: Velocities
     passive: PassiveForces
     actuation: Actuation
-    qfrc_bias: Float[Array, "nv"]
+    inertial_force: Float[Array, "njnt 6"]
     qfrc_smooth: Float[Array, "nv"]
 
 
@@ -50,9 +64,11 @@ class Evaluation:
 def evaluate(model: Model, state: State, ctrl: Float[Array, "nu"] | None) -> Evaluation:
     """Forces, contacts and accelerations of a state."""
     smooth = smooth_dynamics(model, state, ctrl)
-    qacc_smooth = solve_mass(model, smooth.kin, smooth.qfrc_smooth)
+    qacc_smooth, link_acc = accelerations(model, smooth.kin, smooth.qfrc_smooth)
     scene, contact = constraint_scene(model, state, smooth)
-    constrained = constrained_acceleration(scene, contact, qacc_smooth, state.qacc_warmstart)
+    constrained = constrained_acceleration(
+        scene, contact, qacc_smooth, link_acc, state.qacc_warmstart
+    )
     return Evaluation(smooth, qacc_smooth, contact, constrained)
 
 
@@ -60,19 +76,21 @@ def smooth_dynamics(model: Model, state: State, ctrl: Float[Array, "nu"] | None)
     """Kinematics and all forces but those of constraints."""
     kin = kinematics(model, state.qpos, state.mocap_pos, state.mocap_quat)
     vel = velocities(model, kin, state.qvel)
-    bias = qfrc_bias(model, kin, vel)
+    inertial = link_forces(model, kin, vel, link_accelerations(model, kin, vel))
     passive = passive_forces(model, kin, vel, state.qpos, state.qvel)
     actuators = actuation(
         model, kin, state.qpos, state.qvel, state.act, ctrl, passive.qfrc_gravcomp
     )
-    total = passive.qfrc_passive + actuators.qfrc_actuator + applied_force(model, kin, state) - bias
-    return Smooth(kin, vel, passive, actuators, bias, total)
+    # One sum over the tree serves both what is applied to the bodies and what they need.
+    on_links = generalized_force(model, kin, applied_wrench(model, kin, state) - inertial)
+    total = passive.qfrc_passive + actuators.qfrc_actuator + state.qfrc_applied + on_links
+    return Smooth(kin, vel, passive, actuators, inertial, total)
 
 
-def applied_force(model: Model, kin: Kinematics, state: State) -> Float[Array, "nv"]:
-    """Generalised force of what the user applies to joints and to bodies."""
+def applied_wrench(model: Model, kin: Kinematics, state: State) -> Float[Array, "njnt 6"]:
+    """What the user applies to the bodies, as wrenches on the links."""
     wrench = jnp.concatenate([state.xfrc_applied[:, 3:], state.xfrc_applied[:, :3]], axis=1)
-    return state.qfrc_applied + project_wrench(model, kin, wrench, kin.xipos)
+    return wrench_on_links(model, kin, wrench, kin.xipos)
 
 
 def constraint_scene(model: Model, state: State, smooth: Smooth) -> tuple[Scene, Contact]:

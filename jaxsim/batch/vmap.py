@@ -107,14 +107,19 @@ def _input_axes(in_axes, args, kwargs) -> list[int | None]:
     return _broadcast_prefix("in_axes", in_axes, args) + [0] * len(jax.tree.leaves(kwargs))
 
 
-def _broadcast_prefix(name: str, prefix, tree) -> list:
+def _broadcast_prefix(name: str, prefix, tree) -> list[int | None]:
+    """One axis for each leaf of the tree. None is an axis in the prefix, and no leaf in the tree."""
+    unmapped = object()
+    marked = jax.tree.map(
+        lambda x: unmapped if x is None else x, prefix, is_leaf=lambda x: x is None
+    )
     try:
-        full = jax.tree.broadcast(prefix, tree, is_leaf=lambda x: x is None)
+        axes = jax.tree.leaves(jax.tree.broadcast(marked, tree))
     except ValueError as error:
         raise ValueError(
             f"vmap {name} specification must be a tree prefix of the corresponding value: {error}"
         ) from None
-    return jax.tree.leaves(full, is_leaf=lambda x: x is None)
+    return [None if axis is unmapped else axis for axis in axes]
 
 
 def _canonical(axis: int | None, leaf) -> int | None:

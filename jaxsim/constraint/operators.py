@@ -24,7 +24,7 @@ from jaxsim.dynamics.velocity import to_tree_order
 from jaxsim.model import Model
 from jaxsim.model.topology import Forest
 from jaxsim.solver import DenseOperator, Operator, pcg_solve
-from jaxsim.solver.operator import Rows
+from jaxsim.solver.operator import Lifted, Rows
 from jaxsim.spatial import Inertia
 
 # Conjugate gradients end when the residual has shrunk by this many units of rounding.
@@ -122,3 +122,8 @@ def make_operator(model: Model, kin: Kinematics, blocks: list[Block], strategy: 
     armature = to_tree_order(model, dof_armature(model))
     exact = strategy == "articulated"
     return TreeOperator(kin.cdof, kin.inertia, armature, jacobians, model.tree, exact)
+
+
+def lifted(operator: Operator, x: Float[Array, "nv"], a: Float[Array, "njnt 6"]) -> Lifted:
+    """`operator.lift(x)` where the accelerations of the links are known."""
+    return TreePoint(x, a) if isinstance(operator, TreeOperator) else operator.lift(x)

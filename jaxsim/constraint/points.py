@@ -8,7 +8,7 @@ from flax import struct
 from jaxtyping import Array, Float
 
 from jaxsim.constraint.scene import Scene
-from jaxsim.dynamics.tree import accumulate_outward, take
+from jaxsim.dynamics.tree import take
 
 _SITE = int(mujoco.mjtObj.mjOBJ_SITE)
 
@@ -73,11 +73,10 @@ def point_map(arm: Float[Array, "3"], rotation: bool) -> Float[Array, "d 6"]:
 
 def bias_acceleration(scene: Scene, e: Ends) -> Float[Array, "n 6"]:
     """`dJ/dt qvel` of the relative motion: linear of the points, then angular."""
-    spatial = accumulate_outward(scene.model.tree, scene.vel.cdof_dot_qvel)
     total = 0.0
     for side, sign in ((0, 1.0), (1, -1.0)):
         arm = e.pos[side] - _of_links(scene.link_origins(), e.link[side])
-        a, v = (_of_links(x, e.link[side]) for x in (spatial, scene.vel.cvel))
+        a, v = (_of_links(x, e.link[side]) for x in (scene.vel.bias, scene.vel.cvel))
         velocity = v[:, 3:] + jnp.cross(v[:, :3], arm)
         linear = a[:, 3:] + jnp.cross(a[:, :3], arm) + jnp.cross(v[:, :3], velocity)
         total = total + sign * jnp.concatenate([linear, a[:, :3]], axis=1)

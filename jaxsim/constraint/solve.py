@@ -11,7 +11,7 @@ from jaxsim.constraint.contact import contact_blocks, contact_forces
 from jaxsim.constraint.equality import equality_blocks
 from jaxsim.constraint.friction import friction_blocks
 from jaxsim.constraint.limit import limit_blocks
-from jaxsim.constraint.operators import make_operator
+from jaxsim.constraint.operators import lifted, make_operator
 from jaxsim.constraint.scene import Scene
 from jaxsim.dynamics.velocity import from_tree_order, to_tree_order
 from jaxsim.model import Model, ModelError
@@ -60,6 +60,7 @@ def constrained_acceleration(
     scene: Scene,
     contact: Contact,
     qacc_smooth: Float[Array, "nv"],
+    link_acceleration: Float[Array, "njnt 6"],
     qacc_warmstart: Float[Array, "nv"],
 ) -> Constrained:
     """Minimises `1/2 |a - qacc_smooth|_M^2 + s(J a - aref)` over accelerations a.
@@ -70,6 +71,7 @@ def constrained_acceleration(
       scene: model, position and velocity.
       contact: the contacts there.
       qacc_smooth: acceleration without constraints.
+      link_acceleration: of the links, as `qacc_smooth` causes it, tree order.
       qacc_warmstart: a guess.
     """
     model = scene.model
@@ -78,7 +80,7 @@ def constrained_acceleration(
     problem = Problem(tuple(block.kind for block in blocks))
     smooth = to_tree_order(model, qacc_smooth)
     status = _unconstrained_status(qacc_smooth)
-    y = y_smooth = operator.lift(smooth)
+    y = y_smooth = lifted(operator, smooth, link_acceleration)
     if blocks:
         found = solve(
             problem,

@@ -37,8 +37,15 @@ def forward_dynamics(
 
 def solve_mass(model: Model, kin: Kinematics, force: Float[Array, "nv"]) -> Float[Array, "nv"]:
     """`M^-1 force`, armature included."""
+    return accelerations(model, kin, force)[0]
+
+
+def accelerations(
+    model: Model, kin: Kinematics, force: Float[Array, "nv"]
+) -> tuple[Float[Array, "nv"], Float[Array, "njnt 6"]]:
+    """`M^-1 force` and the accelerations of the links that it causes, these in tree order."""
     matrices = jax.vmap(lambda inertia: inertia.as_matrix())(kin.inertia)
-    return solve_articulated(model, kin.cdof, matrices, dof_armature(model), force)[0]
+    return solve_articulated(model, kin.cdof, matrices, dof_armature(model), force)
 
 
 def solve_articulated(

@@ -13,6 +13,7 @@ import mujoco
 from jaxtyping import Array, Float
 
 from jaxsim.dynamics.kinematics import Kinematics
+from jaxsim.dynamics.polynomial import magnitude
 from jaxsim.dynamics.rnea import project_wrench
 from jaxsim.dynamics.tree import sum_by, take
 from jaxsim.dynamics.velocity import Velocities, body_twists
@@ -31,7 +32,7 @@ def qfrc_fluid(model: Model, kin: Kinematics, vel: Velocities) -> Float[Array, "
     viscous, quadratic = _coefficients(model)
 
     def one(mat, v, b, c):
-        f = -(b + c * jnp.abs(v)) * v
+        f = -(b + c * magnitude(v)) * v
         return jnp.concatenate([mat @ f[:3], mat @ f[3:]])
 
     wrench = jax.vmap(one)(kin.ximat, _relative_twists(model, kin, vel), viscous, quadratic)
@@ -44,7 +45,7 @@ def link_drag(model: Model, kin: Kinematics, vel: Velocities) -> Float[Array, "n
     Symmetric and positive semidefinite; twists and wrenches about the tree's reference point.
     """
     viscous, quadratic = _coefficients(model)
-    slope = viscous + 2 * quadratic * jnp.abs(_relative_twists(model, kin, vel))
+    slope = viscous + 2 * quadratic * magnitude(_relative_twists(model, kin, vel))
     (moving,) = (model.body_link >= 0).nonzero()
     link = model.body_link[moving]
     arm = take(kin.xipos, moving) - take(take(kin.origin, model.tree.root), link)

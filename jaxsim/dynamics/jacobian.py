@@ -114,7 +114,7 @@ def jacobian_dot_qvel(
     link = model.body_link[_checked(model, "body", body)]
     if link < 0:
         return jnp.zeros(3, kin.cdof.dtype), jnp.zeros(3, kin.cdof.dtype)
-    bias = accumulate_outward(model.tree, vel.cdof_dot_qvel)[link]
+    bias = vel.bias[link]
     return _point_acceleration(vel.cvel[link], bias, point - kin.origin[model.tree.root[link]])
 
 

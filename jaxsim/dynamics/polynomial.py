@@ -22,7 +22,7 @@ def damping_force(
     linear: Float[Array, "n"], poly: Float[Array, "n npoly"], v: Float[Array, "n"]
 ) -> Float[Array, "n"]:
     """`-k(|v|) v`: odd in the velocity, so that it dissipates in both directions."""
-    return -poly_coefficient(linear, poly, jnp.abs(v)) * v
+    return -poly_coefficient(linear, poly, magnitude(v)) * v
 
 
 def damping_slope(
@@ -30,4 +30,9 @@ def damping_slope(
 ) -> Float[Array, "n"]:
     """Derivative of `k(|v|) v` with respect to the velocity, `k0 + 2 p0 |v| + 3 p1 v^2 + ...`."""
     orders = jnp.arange(2, 2 + poly.shape[-1], dtype=poly.dtype)
-    return poly_coefficient(linear, poly * orders[None], jnp.abs(v))
+    return poly_coefficient(linear, poly * orders[None], magnitude(v))
+
+
+def magnitude(v: Float[Array, "..."]) -> Float[Array, "..."]:
+    """|v|, whose derivative at zero is zero, midway between its sides; that of `jnp.abs` is one."""
+    return v * jnp.sign(v)

@@ -56,14 +56,13 @@ def link_accelerations(
     model: Model, kin: Kinematics, vel: Velocities, qacc: Float[Array, "nv"] | None = None
 ) -> Float[Array, "njnt 6"]:
     """Accelerations of the links relative to free fall: the roots accelerate against gravity."""
-    tree = model.tree
-    rate = vel.cdof_dot_qvel
+    total = vel.bias
     if qacc is not None:
-        rate = rate + sum_by(
-            kin.cdof * to_tree_order(model, qacc)[:, None], tree.dof_node, len(tree)
-        )
-    lift = jnp.concatenate([jnp.zeros(3, rate.dtype), -gravity(model)])
-    return accumulate_outward(tree, rate) + lift[None]
+        tree = model.tree
+        each = kin.cdof * to_tree_order(model, qacc)[:, None]
+        total = total + accumulate_outward(tree, sum_by(each, tree.dof_node, len(tree)))
+    lift = jnp.concatenate([jnp.zeros(3, total.dtype), -gravity(model)])
+    return total + lift[None]
 
 
 def link_forces(

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from jaxsim.dynamics.joints import FREE
 from jaxsim.dynamics.kinematics import Kinematics
-from jaxsim.dynamics.tree import accumulate_outward, sum_by, take
+from jaxsim.dynamics.tree import outward, sum_by, take
 from jaxsim.model import Model
 from jaxsim.spatial import cross_motion
 
@@ -19,12 +19,12 @@ class Velocities:
 
     Attributes:
       cvel: twist of each link.
-      cdof_dot_qvel: rate of the joint's motion axes times its velocity; the part of the link's
-        acceleration relative to its parent that is there without `qacc`.
+      bias: acceleration of each link that is there without `qacc` and gravity: the sum from the
+        root outward of `d(cdof)/dt qvel`.
     """
 
     cvel: Float[Array, "njnt 6"]
-    cdof_dot_qvel: Float[Array, "njnt 6"]
+    bias: Float[Array, "njnt 6"]
 
 
 def velocities(model: Model, kin: Kinematics, qvel: Float[Array, "nv"]) -> Velocities:
@@ -42,8 +42,16 @@ def velocities(model: Model, kin: Kinematics, qvel: Float[Array, "nv"]) -> Veloc
     carried = joint
     if not turning.all():
         carried = sum_by(jnp.where(turning[:, None], each, 0), tree.dof_node, len(tree))
-    cvel = accumulate_outward(tree, joint)
-    return Velocities(cvel=cvel, cdof_dot_qvel=jax.vmap(cross_motion)(cvel, carried))
+    zero = jnp.zeros((tree.nroot, 6), joint.dtype)
+    (cvel, bias), _ = outward(tree, _moved, (zero, zero), (joint, carried))
+    return Velocities(cvel=cvel, bias=bias)
+
+
+def _moved(parent, link, _):
+    """Velocity and acceleration of a link from its parent's."""
+    (velocity, bias), (joint, carried) = parent, link
+    velocity = velocity + joint
+    return (velocity, bias + cross_motion(velocity, carried)), ()
 
 
 def body_twists(

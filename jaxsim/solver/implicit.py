@@ -12,45 +12,55 @@ differentiates, and is exact as far as the loop converged: look at `SolverStatus
 import jax
 from jaxtyping import Array, Float
 
-from jaxsim.solver.operator import Operator
+from jaxsim.solver.operator import Lifted, Operator
 from jaxsim.solver.problem import Problem
 
 
 def attach(
     x: Float[Array, "nv"], problem: Problem, operator: Operator, x_smooth: Float[Array, "nv"]
 ) -> Float[Array, "nv"]:
-    """Returns x unchanged, with the derivatives of the minimiser.
+    """`attach_lifted` for a point that is not lifted."""
+    return operator.vector(attach_lifted(operator.lift(x), problem, operator, x_smooth))
+
+
+def attach_lifted(
+    y: Lifted, problem: Problem, operator: Operator, x_smooth: Float[Array, "nv"]
+) -> Lifted:
+    """Returns the lifted minimiser unchanged, with its derivatives.
 
     Forward and reverse mode, `vmap` and `jit` apply, and so do second derivatives away from the
     boundaries of the cost's zones. Nothing flows back into how x was found.
 
     Args:
-        x: The minimiser.
+        y: The minimiser, lifted.
         problem: The blocks of constraint rows.
         operator: Mass matrix and Jacobian.
         x_smooth: The minimiser without constraints.
 
     Returns:
-        x as a function of problem, operator and x_smooth.
+        y as a function of problem, operator and x_smooth.
     """
-    return _attached(jax.lax.stop_gradient(x), (problem, operator, x_smooth))
+    return _attached(jax.lax.stop_gradient(y), (problem, operator, x_smooth))
 
 
 @jax.custom_jvp
-def _attached(x, theta):
+def _attached(y, theta):
     del theta
-    return x
+    return y
 
 
 @_attached.defjvp
 def _attached_jvp(primals, tangents):
     found, theta = primals
-    # The point is again a function of theta, which makes the rule itself differentiable.
-    x = _attached(found, theta)
-    _, dr = jax.jvp(lambda t: _residual(x, t), (theta,), (tangents[1],))
     problem, operator, _ = theta
-    curvatures = problem.curvatures(operator.rows(operator.lift(x)))
-    return x, operator.vector(operator.solve(curvatures, dr))
+    # The point is again a function of theta, which makes the rule itself differentiable.
+    y = _attached(found, theta)
+    x = operator.vector(y)
+    _, dr = jax.jvp(lambda t: _residual(x, t), (theta,), (tangents[1],))
+    dx = operator.vector(operator.solve(problem.curvatures(operator.rows(y)), dr))
+    # Lifting depends on theta too.
+    _, dy = jax.jvp(lambda op, x: op.lift(x), (operator, x), (tangents[1][1], dx))
+    return y, dy
 
 
 def _residual(x, theta):

@@ -62,7 +62,7 @@ class Line:
 def make_line(problem: Problem, operator: Operator, y: Lifted, dy: Lifted, ys: Lifted) -> Line:
     """The objective from y (dy from x_smooth) along ys."""
     start, direction = problem.residuals(operator.rows(y)), operator.rows(ys)
-    slope = operator.inner(ys, dy)
+    slope = operator.inner(dy, ys)
     size = jnp.abs(slope)
     for block, r, v in zip(problem.blocks, start, direction, strict=True):
         size = size + jnp.sum(jnp.abs(block.force(r) * v))

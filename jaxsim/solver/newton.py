@@ -87,6 +87,7 @@ def solve(
     ls_tolerance: float | Float[Array, ""],
     scale: float | Float[Array, ""],
     warmstart: bool = True,
+    y_smooth: Lifted | None = None,
 ) -> Solution:
     """Minimises `1/2 |x - x_smooth|_M^2 + s(J x - aref)` over x.
 
@@ -104,19 +105,21 @@ def solve(
         scale: Makes costs and gradients dimensionless: the inverse of the trace of M, or of
             `meaninertia * max(1, nv)`, an estimate of it.
         warmstart: Whether x_warm is looked at.
+        y_smooth: `operator.lift(x_smooth)`, where it is known already.
 
     Returns:
         The minimiser and how it was found.
     """
     numbers = [jnp.asarray(a, x_smooth.dtype) for a in (tolerance, ls_tolerance, scale)]
-    held = (problem, operator, x_warm, x_smooth, numbers)
-    problem, operator, x_warm, x_smooth, numbers = lax.stop_gradient(held)
-    search = _Search(problem, operator, operator.lift(x_smooth), ls_iterations, *numbers)
+    y_smooth = operator.lift(x_smooth) if y_smooth is None else y_smooth
+    held = (problem, operator, x_warm, y_smooth, numbers)
+    problem, operator, x_warm, y_smooth, numbers = lax.stop_gradient(held)
+    search = _Search(problem, operator, y_smooth, ls_iterations, *numbers)
     y = _better(search, operator.lift(x_warm)) if warmstart else search.y_smooth
     state = _run(search, _start(search, y), iterations)
     status = SolverStatus(
         iterations=state.count,
-        residual=_norm(state.residual),
+        residual=_norm(_residual(search, state.y)),
         improvement=state.improvement,
         cost=_cost(search, state.y),
         finite=state.finite,
@@ -142,7 +145,7 @@ def _start(search: _Search, y: Lifted) -> _Iterate:
         improvement=jnp.full_like(search.scale, jnp.inf),
         count=jnp.zeros((), jnp.int32),
         finite=jnp.ones((), bool),
-        done=search.scale * _norm(residual) < search.tolerance,
+        done=search.scale * _norm(residual) <= search.tolerance,
     )
 
 
@@ -156,9 +159,11 @@ def _step(search: _Search, state: _Iterate) -> _Iterate:
     alpha, improvement = line_search(line, slope, search.ls_iterations)
     y = jax.tree.map(lambda a, b: a + alpha * b, state.y, ys)
     residual = _residual(search, y)
-    finite = jnp.isfinite(length) & jnp.isfinite(improvement) & jnp.isfinite(_norm(residual))
+    # Nothing that only a further step needs is looked at here: with a single step the compiler
+    # then leaves the new residual out.
+    finite = jnp.isfinite(length) & jnp.isfinite(improvement)
     moved = finite & (alpha > 0)
-    stop = _converged(search, residual, improvement)
+    stop = _converged(search, residual, improvement) | ~jnp.isfinite(_norm(residual))
     stop = stop | _exhausted(state, residual, improvement, line.rounding * alpha)
     return _Iterate(
         y=_where(moved, y, state.y),
@@ -174,7 +179,7 @@ def _converged(search: _Search, residual: Array, improvement: Array) -> Bool[Arr
     """Whether the improvement or the gradient is below the tolerance."""
     gradient = search.scale * _norm(residual)
     small = search.scale * improvement < search.tolerance
-    return (small & (improvement > 0)) | (gradient < search.tolerance)
+    return (small & (improvement > 0)) | (gradient <= search.tolerance)
 
 
 def _exhausted(
