@@ -18,8 +18,8 @@ from jaxsim.model.topology import Forest, Level, Run
 
 # Up to this many slices are concatenated; a more scattered index becomes one gather.
 _MAX_SLICES = 16
-# Up to this many children per parent are added one by one; more become a scatter.
-_MAX_ROUNDS = 8
+# Sums of up to this many rows are written out, which fuses better than a reduction.
+_MAX_TERMS = 8
 
 
 def outward(forest: Forest, f: Callable, root: Any, nodes: Any, dofs: Any = ()) -> tuple[Any, Any]:
@@ -41,13 +41,12 @@ def outward(forest: Forest, f: Callable, root: Any, nodes: Any, dofs: Any = ()) 
     ys, zs, carry = [], [], root
     for run in forest.runs:
         level = forest.levels[run.start]
-        xs = _slice(forest, run, nodes, dofs)
 
-        def body(y, x, level=level):
-            y, z = _level(level, f, _take(y, level.parents), *x)
-            return y, (y, z)
+        def body(y, node, dof, level=level):
+            y, z = _level(level, f, _take(y, level.parents), node, dof)
+            return y, y, z
 
-        carry, (y, z) = _walk(run, body, carry, xs, reverse=False)
+        carry, y, z = _walk(forest, run, body, carry, nodes, dofs, reverse=False)
         ys.append(y)
         zs.append(z)
     return _concatenate(ys), _concatenate(zs)
@@ -73,13 +72,12 @@ def inward(forest: Forest, f: Callable, zero: Any, nodes: Any, dofs: Any = ()) -
     for run in reversed(forest.runs):
         level = forest.levels[run.start]
         above = forest.levels[run.start - 1].size if run.start else forest.nroot
-        xs = _slice(forest, run, nodes, dofs)
 
-        def body(total, x, level=level, above=above):
-            m, z = _level(level, f, total, *x)
-            return jax.tree.map(lambda a: sum_by(a, level.parents, above), m), (m, z)
+        def body(total, node, dof, level=level, above=above):
+            m, z = _level(level, f, total, node, dof)
+            return jax.tree.map(lambda a: sum_by(a, level.parents, above), m), m, z
 
-        carry, (m, z) = _walk(run, body, carry, xs, reverse=True)
+        carry, m, z = _walk(forest, run, body, carry, nodes, dofs, reverse=True)
         ms.append(m)
         zs.append(z)
     return _concatenate(ms[::-1]), _concatenate(zs[::-1])
@@ -115,26 +113,31 @@ def take(x: jax.Array, index: np.ndarray) -> jax.Array:
 def sum_by(x: jax.Array, group: np.ndarray, n: int) -> jax.Array:
     """(n, ...) sums of the rows of `x` that belong to each group; `group` is static."""
     group = np.asarray(group, int)
-    if len(group) == n and np.array_equal(group, np.arange(n)):
+    if np.array_equal(group, np.arange(n)):
         return x
-    count = np.bincount(group, minlength=n)
-    if len(group) == 0:
-        return jnp.zeros((n, *x.shape[1:]), x.dtype)
-    if (count == count[0]).all() and (np.diff(group) >= 0).all():
-        return x.reshape(n, count[0], *x.shape[1:]).sum(1)
-    if count.max() > _MAX_ROUNDS:
+    size = np.bincount(group, minlength=n)
+    # Runs of consecutive groups of equal size are blocks of the sorted rows.
+    starts = np.concatenate([[0], np.nonzero(np.diff(size))[0] + 1, [n]]) if n else np.zeros(1, int)
+    if len(starts) > _MAX_SLICES:
         return jnp.zeros((n, *x.shape[1:]), x.dtype).at[group].add(x)
-    return _sum_in_rounds(x, group, count)
+    x = take(x, np.argsort(group, kind="stable"))
+    parts, row = [x[:0]], 0
+    for first, last in zip(starts[:-1], starts[1:], strict=True):
+        parts.append(_sums(x, row, last - first, size[first]))
+        row += (last - first) * size[first]
+    return jnp.concatenate(parts)
 
 
-def _sum_in_rounds(x, group, count) -> Any:
-    """In round r, the r-th member of every group is added; absent members are a row of zeros."""
-    padded = jnp.concatenate([x, jnp.zeros_like(x[:1])])
-    members = [np.nonzero(group == g)[0] for g in range(len(count))]
-    total = None
-    for r in range(count.max()):
-        row = take(padded, np.array([m[r] if r < len(m) else len(group) for m in members]))
-        total = row if total is None else total + row
+def _sums(x, row: int, n: int, size: int):
+    """(n, ...) sums of n groups of equal size, whose rows follow each other from `row` on."""
+    if size == 0:
+        return jnp.zeros((n, *x.shape[1:]), x.dtype)
+    block = x[row : row + n * size].reshape(n, size, *x.shape[1:])
+    if size > _MAX_TERMS:
+        return block.sum(1)
+    total = block[:, 0]
+    for k in range(1, size):
+        total = total + block[:, k]
     return total
 
 
@@ -151,26 +154,40 @@ def _level(level: Level, f, parents, nodes, dofs):
     return _concatenate(ys), _concatenate(zs)
 
 
-def _walk(run: Run, body, carry, xs, reverse: bool):
-    """One level directly, several by a scan whose outputs are joined again."""
-    if run.stop - run.start == 1:
-        return body(carry, jax.tree.map(lambda a: a[0], xs))
-    carry, out = lax.scan(body, carry, xs, reverse=reverse)
-    return carry, jax.tree.map(lambda a: a.reshape(-1, *a.shape[2:]), out)
+def _walk(forest: Forest, run: Run, body, carry, nodes, dofs, reverse: bool):
+    """One level directly; several by a scan whose outputs are joined again."""
+    first, last = forest.levels[run.start], forest.levels[run.stop - 1]
+    count, size, ndof = run.stop - run.start, first.size, first.ndof
+    nodes = jax.tree.map(lambda a: a[first.nodes.start : last.nodes.stop], nodes)
+    dofs = jax.tree.map(lambda a: a[first.dofs.start : last.dofs.stop], dofs)
+    if count == 1:
+        return body(carry, nodes, dofs)
+
+    def one(carry, x):
+        carry, y, z = body(carry, _rows(x[0], size), _rows(x[1], ndof))
+        return carry, (_unrows(y, size), _unrows(z, ndof))
+
+    xs = _split(nodes, count, size), _split(dofs, count, ndof)
+    carry, (ys, zs) = lax.scan(one, carry, xs, reverse=reverse)
+    return carry, _join(ys, size), _join(zs, ndof)
 
 
-def _slice(forest: Forest, run: Run, nodes, dofs):
-    """The inputs of a run with a leading axis over its levels."""
-    levels = forest.levels[run.start : run.stop]
-    n, first, last = len(levels), levels[0], levels[-1]
+# A level of one row is scanned without the axis of length one: XLA would copy the whole array
+# in front of the loop and after it, only to move that axis.
+def _split(tree, levels: int, size: int):
+    return jax.tree.map(lambda a: a if size == 1 else a.reshape(levels, size, *a.shape[1:]), tree)
 
-    def cut(start, stop, size):
-        return lambda a: a[start:stop].reshape(n, size, *a.shape[1:])
 
-    return (
-        jax.tree.map(cut(first.nodes.start, last.nodes.stop, first.size), nodes),
-        jax.tree.map(cut(first.dofs.start, last.dofs.stop, first.ndof), dofs),
-    )
+def _join(tree, size: int):
+    return jax.tree.map(lambda a: a if size == 1 else a.reshape(-1, *a.shape[2:]), tree)
+
+
+def _rows(tree, size: int):
+    return jax.tree.map(lambda a: a[None] if size == 1 else a, tree)
+
+
+def _unrows(tree, size: int):
+    return jax.tree.map(lambda a: a[0] if size == 1 else a, tree)
 
 
 def _take(tree, index):
