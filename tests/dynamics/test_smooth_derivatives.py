@@ -62,7 +62,7 @@ def test_step_in_both_modes(xml, at_rest):
     @quick_jit
     def derivatives(x):
         probes = STEP * jnp.eye(len(x), dtype=x.dtype)
-        up, down = (jax.vmap(lambda d, s=s: f(x + s * d))(probes) for s in (1, -1))
+        up, down = jnp.split(jax.vmap(f)(x[None] + jnp.concatenate([probes, -probes])), 2)
         return jax.jacfwd(f)(x), jax.jacrev(f)(x), (up - down).T / (2 * STEP)
 
     forward, reverse, numeric = derivatives(x)
