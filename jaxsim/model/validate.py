@@ -60,6 +60,7 @@ def check_supported(mj: mujoco.MjModel) -> None:
         "put armature on the joints",
     )
     _check_tendons(mj, names)
+    _check_limits(mj, names)
     _check_sensors(mj, names)
 
 
@@ -135,6 +136,20 @@ def _check_tendons(mj: mujoco.MjModel, names: _Labels) -> None:
             )
 
 
+def _check_limits(mj: mujoco.MjModel, names: _Labels) -> None:
+    """One row serves both ends of a range, so both must not be active at once."""
+    scalar = np.isin(mj.jnt_type, (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE))
+    joints = mj.jnt_limited.astype(bool) & scalar, mj.jnt_range, mj.jnt_margin, names.joint
+    tendons = mj.tendon_limited.astype(bool), mj.tendon_range, mj.tendon_margin, names.tendon
+    for limited, bounds, margin, label in (joints, tendons):
+        both = limited & (bounds[:, 1] - bounds[:, 0] < 2 * margin)
+        for i in np.nonzero(both)[0]:
+            raise ModelError(
+                f"{label(i)}: margin {margin[i]:g} exceeds half of the range, so that both limits "
+                "would be active at once; use a smaller margin"
+            )
+
+
 def _check_sensors(mj: mujoco.MjModel, names: _Labels) -> None:
     unsupported = _enum_names("mjtSensor", "mjSENS_", UNSUPPORTED_SENSORS)
     for s, kind in enumerate(mj.sensor_type):
@@ -142,6 +157,10 @@ def _check_sensors(mj: mujoco.MjModel, names: _Labels) -> None:
             raise ModelError(
                 f"{names.sensor(s)}: type {unsupported[int(kind)]!r} is not supported; remove it, "
                 "the documentation's table of sensors lists the supported types"
+            )
+        if int(mujoco.mjtObj.mjOBJ_CAMERA) in (mj.sensor_objtype[s], mj.sensor_reftype[s]):
+            raise ModelError(
+                f"{names.sensor(s)}: sensors of cameras are not supported; attach it to a site"
             )
     for attribute in ("history", "delay", "interval"):
         _check_zero(

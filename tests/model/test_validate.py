@@ -186,3 +186,18 @@ def _refused(source, message: str):
     text = str(caught.value)
     assert "\n" not in text
     assert not text.endswith(".")
+
+
+def test_a_margin_that_activates_both_limits_is_refused():
+    xml = """<mujoco><worldbody><body><geom size=".1"/>
+      <joint name="knee" type="hinge" limited="true" range="-1 1" margin=".02"/>
+    </body></worldbody></mujoco>"""
+    with pytest.raises(ModelError, match="joint 'knee': margin 0.02 exceeds half of the range"):
+        load(xml)
+
+
+def test_a_sensor_of_a_camera_is_refused():
+    xml = """<mujoco><worldbody><body><geom size=".1"/><camera name="eye"/></body></worldbody>
+      <sensor><framepos name="where" objtype="camera" objname="eye"/></sensor></mujoco>"""
+    with pytest.raises(ModelError, match="sensor 'where': sensors of cameras are not supported"):
+        load(xml)
