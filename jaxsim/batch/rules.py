@@ -40,6 +40,12 @@ def fill(value, flag: bool, shape: Sequence[int]):
     return value if full else lax.broadcast_in_dim(value, tuple(shape), axes)
 
 
+def add_any(lanes, eqn, values, flags):
+    """The sum of cotangents takes no scalars for arrays."""
+    shape = (*eqn.outvars[0].aval.shape, lanes.size)
+    return bind(eqn, *(fill(v, f, shape) for v, f in zip(values, flags, strict=True)))
+
+
 def select_n(lanes, eqn, values, flags):
     """Cases are of full shape; the selector is, too, or one scalar for all lanes."""
     shape = (*eqn.outvars[0].aval.shape, lanes.size)
@@ -123,7 +129,7 @@ def _all(lanes, values, flags) -> list:
 
 
 ELEMENTWISE = """
-abs acos acosh add add_any and asin asinh atan atan2 atanh bessel_i0e bessel_i1e cbrt ceil clz
+abs acos acosh add and asin asinh atan atan2 atanh bessel_i0e bessel_i1e cbrt ceil clz
 complex conj convert_element_type copy copy_p cos cosh digamma div eq eq_to erf erf_inv erfc exp
 exp2 expm1 floor ge gt igamma igamma_grad_a igammac imag integer_pow is_finite le le_to lgamma log
 log1p log2 logistic lt lt_to max min mul mulhi name ne neg nextafter not one_minus_square or
@@ -141,6 +147,7 @@ rev sort split squeeze
 RULES: dict[str, Callable] = {
     **dict.fromkeys(ELEMENTWISE, elementwise),
     **dict.fromkeys(SAME_AXES, same_axes),
+    "add_any": add_any,
     "bitcast_convert_type": bitcast,
     "broadcast_in_dim": broadcast_in_dim,
     "clamp": clamp,

@@ -19,6 +19,7 @@ def assert_equal(found, expected, tolerance=1e-9):
     """Same tree, shapes, types, weak types and numbers."""
     assert jax.tree.structure(found) == jax.tree.structure(expected)
     for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(expected), strict=True):
+        a, b = jnp.asarray(a), jnp.asarray(b)
         assert (a.shape, a.dtype) == (b.shape, b.dtype)
         assert a.weak_type == b.weak_type
         if jnp.issubdtype(a.dtype, jax.dtypes.prng_key):
