@@ -101,6 +101,7 @@ def kitchen_sink(
     tendons = TENDONS.format(**({"near": "", "far": ""} | dampers))
     return (
         f'<mujoco><option integrator="{integrator}" timestep="0.01" {option}/>'
+        '<default><geom contype="0" conaffinity="0"/></default>'
         f"<worldbody>{BODIES}</worldbody><tendon>{tendons}</tendon>"
         f"<actuator>{actuators}</actuator></mujoco>"
     )

@@ -19,7 +19,8 @@ STEP = 1e-6
 
 # One body in a fluid, on springs without any deflection: all at its singular point when at rest.
 SINGULAR = f"""
-<mujoco><option {FLUID.replace("1 2 3", "0 0 0")}/><worldbody>
+<mujoco><option {FLUID.replace("1 2 3", "0 0 0")}/>
+<default><geom contype="0" conaffinity="0"/></default><worldbody>
 <body><joint name="free" type="free" stiffness="2 1 1" damping=".5 .2 .1"/>
 <geom type="box" size=".1 .2 .3"/><body><joint name="ball" type="ball" stiffness="1 .5 .2"
 damping=".1 .1 .1"/><geom size=".1" pos=".2 0 0"/></body></body></worldbody>
