@@ -31,6 +31,7 @@ class Line:
         slope: Derivative of the quadratic term at alpha = 0, `s^T M (x - x_smooth)`.
         bend: Its second derivative, `s^T M s`.
         rounding: What rounding may add to a slope.
+        cost_rounding: What rounding may add to the objective.
     """
 
     problem: Problem
@@ -39,6 +40,7 @@ class Line:
     slope: Float[Array, ""]
     bend: Float[Array, ""]
     rounding: Float[Array, ""]
+    cost_rounding: Float[Array, ""]
 
     def slopes(self, alpha: Float[Array, ""]) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """phi'(alpha) and phi''(alpha)."""
@@ -63,11 +65,21 @@ def make_line(problem: Problem, operator: Operator, y: Lifted, dy: Lifted, ys: L
     """The objective from y (dy from x_smooth) along ys."""
     start, direction = problem.residuals(operator.rows(y)), operator.rows(ys)
     slope = operator.inner(dy, ys)
-    size = jnp.abs(slope)
+    size, cost = jnp.abs(slope), operator.inner(dy, dy)
     for block, r, v in zip(problem.blocks, start, direction, strict=True):
-        size = size + jnp.sum(jnp.abs(block.force(r) * v))
-    rounding = 8 * jnp.finfo(size.dtype).eps * size
-    return Line(problem, start, direction, slope, operator.inner(ys, ys), rounding)
+        force = block.force(r)
+        size = size + jnp.sum(jnp.abs(force * v))
+        cost = cost + jnp.sum(jnp.abs(force * r))
+    eps = jnp.finfo(size.dtype).eps
+    return Line(
+        problem=problem,
+        start=start,
+        direction=direction,
+        slope=slope,
+        bend=operator.inner(ys, ys),
+        rounding=8 * eps * size,
+        cost_rounding=eps * cost,
+    )
 
 
 class _Search(NamedTuple):

@@ -164,7 +164,7 @@ def _step(search: _Search, state: _Iterate) -> _Iterate:
     finite = jnp.isfinite(length) & jnp.isfinite(improvement)
     moved = finite & (alpha > 0)
     stop = _converged(search, residual, improvement) | ~jnp.isfinite(_norm(residual))
-    stop = stop | _exhausted(state, residual, improvement, line.rounding * alpha)
+    stop = stop | _exhausted(state, residual, improvement, line.cost_rounding)
     return _Iterate(
         y=_where(moved, y, state.y),
         residual=jnp.where(moved, residual, state.residual),
@@ -185,8 +185,12 @@ def _converged(search: _Search, residual: Array, improvement: Array) -> Bool[Arr
 def _exhausted(
     state: _Iterate, residual: Array, improvement: Array, rounding: Array
 ) -> Bool[Array, ""]:
-    """Whether only rounding is left. A converging Newton step shrinks the gradient far more."""
-    return (improvement <= rounding) & (_norm(residual) > 0.5 * _norm(state.residual))
+    """Whether only rounding is left: two steps in a row gained no more than that.
+
+    A step that still converges is told apart by the gradient, which it shrinks far more.
+    """
+    gained = jnp.maximum(improvement, state.improvement)
+    return (gained <= rounding) & (_norm(residual) > 0.5 * _norm(state.residual))
 
 
 def _residual(search: _Search, y: Lifted) -> Float[Array, "nv"]:

@@ -8,7 +8,13 @@ import pytest
 from jaxsim.solver import attach, solve
 
 WEIGHT = np.arange(1.0, 8.0)
-OPTIONS = {"iterations": 30, "ls_iterations": 8, "tolerance": 0.0, "ls_tolerance": 0.01, "scale": 1}
+OPTIONS = {
+    "iterations": 30,
+    "ls_iterations": 20,
+    "tolerance": 0.0,
+    "ls_tolerance": 0.01,
+    "scale": 1,
+}
 
 
 @pytest.fixture
@@ -82,7 +88,8 @@ def test_derivative_of_solving_and_attaching_in_one_program(theta, minimiser):
 
     guess = theta[2] + 0.1
     whole, of_guess = jax.jit(jax.grad(total, (0, 1)))(theta, guess)
-    alone = jax.jit(jax.grad(lambda theta: WEIGHT @ attach(minimiser(theta), *theta)))(theta)
+    x = minimiser(theta)
+    alone = jax.jit(jax.grad(lambda theta: WEIGHT @ attach(x, *theta)))(theta)
     for a, b in zip(jax.tree.leaves(whole), jax.tree.leaves(alone), strict=True):
         np.testing.assert_allclose(a, b, atol=1e-10)
     assert not np.any(of_guess)
@@ -132,9 +139,9 @@ def test_the_unrolled_loop_has_the_same_derivative(theta, minimiser):
 
 def test_the_value_costs_no_further_solve(theta):
     x_smooth = theta[2]
-    attached = jax.jit(attach).lower(x_smooth, *theta).as_text()
-    assert "cholesky" not in attached
-    assert "dot_general" not in attached
+    compiled = jax.jit(attach).lower(x_smooth, *theta).compile().as_text()
+    assert "cholesky" not in compiled
+    assert "dot(" not in compiled
     np.testing.assert_array_equal(attach(x_smooth, *theta), x_smooth)
 
 
