@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxsim.dynamics.kinematics import Kinematics
-from jaxsim.dynamics.tree import accumulate_outward, take
+from jaxsim.dynamics.tree import take
 from jaxsim.dynamics.velocity import Velocities, from_tree_order
 from jaxsim.model import Model
 

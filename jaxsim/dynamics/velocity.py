@@ -1,6 +1,5 @@
 """Velocities of the links, and what they add to the accelerations."""
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from flax import struct
