@@ -12,7 +12,7 @@ import numpy as np
 
 # A run of equal levels at least this long is walked by `lax.scan`, so that neither program size
 # nor compile time grow with depth; shorter ones are unrolled, which runs faster.
-MIN_SCAN = 12
+MIN_SCAN = 8
 
 
 @dataclasses.dataclass(frozen=True)
@@ -193,8 +193,9 @@ def _runs(levels: tuple[Level, ...]) -> tuple[Run, ...]:
     start = 0
     while start < len(levels):
         stop = start + 1
-        # The carry of the scan is the level before it, which must therefore have the same width.
-        if start > 0 and levels[start - 1].size == levels[start].size:
+        # The carry of the scan is the level before it, which must therefore have the same width;
+        # under the roots it is whatever the walk puts there, one for each of them.
+        if start == 0 or levels[start - 1].size == levels[start].size:
             while stop < len(levels) and levels[stop].repeats(levels[start]):
                 stop += 1
         if stop - start < MIN_SCAN:
