@@ -5,12 +5,20 @@ returns the results, all batched; None means "not this form", and `jax.vmap` of 
 takes over. Most primitives name their axes from the front, so a trailing axis needs little.
 """
 
+import functools
+import itertools
+import math
 from collections.abc import Callable, Sequence
 
+import jax
 import jax.numpy as jnp
 from jax import lax
+from jax.experimental.xla_metadata import set_xla_metadata
 
 from jaxsim.batch import contract, index, linalg
+
+MAX_SUM = 512  # terms of a sum that is written out, for one lane
+SUM_PARTS = 8  # parts that are added in one expression
 
 
 def fit(value, flag: bool, shape: Sequence[int]):
@@ -44,6 +52,55 @@ def add_any(lanes, eqn, values, flags):
     """The sum of cotangents takes no scalars for arrays."""
     shape = (*eqn.outvars[0].aval.shape, lanes.size)
     return bind(eqn, *(fill(v, f, shape) for v, f in zip(values, flags, strict=True)))
+
+
+def stack(lanes, eqn, values, flags):
+    """The new axis is named from the front."""
+    if "axis" not in eqn.params:
+        return None
+    return [jnp.stack(_all(lanes, values, flags), axis=eqn.params["axis"])]
+
+
+def reduce_sum(lanes, eqn, values, flags):
+    """Short sums are written out: a reduction of leading axes would not be vectorised."""
+    axes = tuple(eqn.params["axes"])
+    terms = math.prod(values[0].shape[a] for a in axes)
+    if not 0 < terms <= MAX_SUM or not jnp.issubdtype(values[0].dtype, jnp.floating):
+        return same_axes(lanes, eqn, values, flags)
+    return [_sum(values[0], axes)]
+
+
+@functools.partial(jax.custom_jvp, nondiff_argnums=(1,))
+def _sum(x, axes: tuple[int, ...]):
+    """Sum over some axes by elementwise additions, of an operand that is computed first."""
+    with set_xla_metadata(inlineable="false"):
+        return _written_out(x, axes=axes)
+
+
+@_sum.defjvp
+def _sum_jvp(axes, primals, tangents):
+    # The plain reduction: its transpose is a broadcast, that of slices would be many pads.
+    return _sum(*primals, axes), jnp.sum(tangents[0], axes)
+
+
+@functools.partial(jax.jit, static_argnames="axes")
+def _written_out(x, *, axes: tuple[int, ...]):
+    for axis in sorted(axes, reverse=True):
+        x = lax.squeeze(_added(x, axis), [axis])
+    return x
+
+
+def _added(x, axis: int):
+    """Sum over an axis, kept with size one: eight parts of the axis at a time."""
+    size = x.shape[axis]
+    if size == 1:
+        return x
+    parts = min(size, SUM_PARTS)
+    length = size // parts
+    edges = [*range(0, (parts + 1) * length, length), *range(parts * length + 1, size + 1)]
+    slices = [lax.slice_in_dim(x, a, b, axis=axis) for a, b in itertools.pairwise(edges)]
+    total = _added(functools.reduce(lax.add, slices[:parts]), axis)
+    return functools.reduce(lax.add, slices[parts:], total)
 
 
 def select_n(lanes, eqn, values, flags):
@@ -140,7 +197,7 @@ stop_gradient sub tan tanh xor zeta
 
 SAME_AXES = """
 argmax argmin concatenate cumlogsumexp cummax cummin cumprod cumsum expand_dims
-optimization_barrier reduce_and reduce_max reduce_min reduce_or reduce_prod reduce_sum reduce_xor
+optimization_barrier reduce_and reduce_max reduce_min reduce_or reduce_prod reduce_xor
 rev sort split squeeze
 """.split()
 
@@ -153,7 +210,9 @@ RULES: dict[str, Callable] = {
     "clamp": clamp,
     "pad": pad,
     "reshape": reshape,
+    "reduce_sum": reduce_sum,
     "select_n": select_n,
+    "stack": stack,
     "slice": slice_,
     "transpose": transpose,
     "dot_general": contract.dot_general,

@@ -86,7 +86,9 @@ def _trace(f, leaves, axes, tree) -> tuple[params.Program, Any]:
         args, kwargs = jax.tree.unflatten(tree, given)
         return f(*args, **kwargs)
 
-    kinds = [params.element(x, axis) for x, axis in zip(leaves, axes, strict=True) if axis is not None]
+    kinds = [
+        params.element(x, axis) for x, axis in zip(leaves, axes, strict=True) if axis is not None
+    ]
     traced, shapes = jax.make_jaxpr(one_element, return_shape=True)(*kinds)
     return params.program(traced), jax.tree.structure(shapes)
 
@@ -108,7 +110,7 @@ def _input_axes(in_axes, args, kwargs) -> list[int | None]:
 
 
 def _broadcast_prefix(name: str, prefix, tree) -> list[int | None]:
-    """One axis for each leaf of the tree. None is an axis in the prefix, and no leaf in the tree."""
+    """One axis for each leaf of the tree; None is an axis in the prefix but no leaf of the tree."""
     unmapped = object()
     marked = jax.tree.map(
         lambda x: unmapped if x is None else x, prefix, is_leaf=lambda x: x is None

@@ -20,21 +20,19 @@ def test_operations_one_by_one(group, modes):
 
     def f(s, v, m, i):
         pools = {"s": (s, m[0, 0]), "v": (v, m[1]), "m": (m, m.T), "i": (i, i + 1)}
-        return [
-            g(*[pools[kind][n % 2] for n, kind in enumerate(kinds)]) for _, kinds, g in chosen
-        ]
+        return [g(*[pools[kind][n % 2] for n, kind in enumerate(kinds)]) for _, kinds, g in chosen]
 
     assert_same(f, s, v, m[0], i, in_axes=(0, 0, None, 0), derivatives=modes)
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(6))
 def test_program(seed):
     """Values and both derivatives, outside and inside."""
     _check_program(seed)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(10, 310))
+@pytest.mark.parametrize("seed", range(6, 306))
 def test_many_programs(seed):
     """The same for hundreds of programs."""
     _check_program(seed)
@@ -46,7 +44,7 @@ def _check_program(seed):
     assert_same(program, *args, in_axes=axes, derivatives=program.modes, tolerance=1e-8)
 
 
-@pytest.mark.parametrize("seed", [400, 401])
+@pytest.mark.parametrize("seed", [400])
 @pytest.mark.parametrize("order", ["jax inside", "jax outside", "twice"])
 def test_nested(seed, order):
     """Two batch axes, of either kind in either order."""

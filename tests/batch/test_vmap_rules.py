@@ -20,12 +20,14 @@ def _normal(*shape):
     return jnp.asarray(RNG.normal(size=shape))
 
 
-def _each_sharing(f, *args, **options):
-    """f with every non-empty choice of batched operands."""
+def _each_sharing(f, *args, derivatives=("jvp", "vjp"), thorough=False, **options):
+    """f with every choice of batched operands; derivatives for all of them batched, or always."""
     for shared in itertools.product([False, True], repeat=len(args)):
         if not all(shared):
             given = [a[0] if s else a for a, s in zip(args, shared, strict=True)]
-            assert_same(f, *given, in_axes=[None if s else 0 for s in shared], **options)
+            modes = derivatives if thorough or not any(shared) else ()
+            axes = [None if s else 0 for s in shared]
+            assert_same(f, *given, in_axes=axes, derivatives=modes, **options)
 
 
 def test_elementwise_with_scalars():
@@ -33,12 +35,21 @@ def test_elementwise_with_scalars():
 
     def f(s, x):
         return [
-            s * x, x**3, jnp.clip(x, s, 2.0), jnp.clip(x, -1.0, 1.0), lax.clamp(-1.0, x, s),
+            s * x, x**3, jnp.clip(x, s, 2.0), jnp.clip(x, -1.0, 1.0),
             jnp.where(s > 0, x, s), jnp.where(x > 0, x, 2.0), jnp.where(s > 0, 1.0, x),
             lax.select(x > 0, x, x * s), jnp.arctan2(x, s), jnp.sign(x) % 2.0, jnp.hypot(x, s),
         ]  # fmt: skip
 
     _each_sharing(f, _normal(BATCH), _normal(BATCH, 2, 3))
+
+
+def test_clamp():
+    """Bounds of each kind; the library has no derivative for those that are scalars."""
+
+    def f(s, x):
+        return [lax.clamp(-1.0, x, s), lax.clamp(x, x * s, x + 1), lax.clamp(s, x, 2.0)]
+
+    _each_sharing(f, _normal(BATCH), _normal(BATCH, 2, 3), derivatives=())
 
 
 def test_integers_and_bits():
@@ -104,7 +115,7 @@ def test_reductions():
 def test_products(subscripts, left, right):
     """Small and large, any axes, either operand shared."""
     f = lambda a, b: jnp.einsum(subscripts, a, b)  # noqa: E731
-    _each_sharing(f, _normal(BATCH, *left), _normal(BATCH, *right))
+    _each_sharing(f, _normal(BATCH, *left), _normal(BATCH, *right), thorough=left == (2, 3))
 
 
 def test_small_products_become_no_dot():
@@ -132,9 +143,17 @@ def test_second_derivative_of_products():
         np.testing.assert_allclose(found, jax.jit(hessian(jax.vmap, mode))(a, x), atol=1e-12)
 
 
-@pytest.mark.parametrize("rows", [1, 3, 8])
-@pytest.mark.parametrize("left_side", [True, False])
-@pytest.mark.parametrize("lower", [True, False])
+@pytest.mark.parametrize(
+    ("rows", "left_side", "lower"),
+    [
+        (3, True, True),
+        (3, False, False),
+        (8, True, False),
+        *(pytest.param(*case, marks=pytest.mark.slow) for case in itertools.product(
+            (1, 3, 8), (True, False), (True, False)
+        )),
+    ],
+)  # fmt: skip
 def test_triangular_solve(rows, left_side, lower):
     """Every variant; the other triangle is never looked at."""
 
