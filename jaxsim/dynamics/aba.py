@@ -5,7 +5,6 @@ Featherstone, Rigid Body Dynamics Algorithms (2008), section 7.3, in world axes.
 
 import jax
 import jax.numpy as jnp
-from jax import lax
 from jaxtyping import Array, Float
 
 from jaxsim.dynamics.kinematics import Kinematics, kinematics
@@ -97,9 +96,7 @@ def _eliminate(children, matrix, dofs):
     articulated = articulated + matrix
     U = S @ articulated
     joint = S @ U.T + jnp.diag(diagonal)
-    solved = _solve_joint(joint, U, force - S @ bias)
-    # Without the barrier XLA recomputes the small factors for each of the 36 entries below.
-    U, gain, offset = lax.optimization_barrier((U, *solved))
+    gain, offset = _solve_joint(joint, U, force - S @ bias)
     return (articulated - U.T @ gain, bias + U.T @ offset), (gain, offset)
 
 
