@@ -6,6 +6,7 @@ levels into one `lax.scan`, so that program size does not grow with depth. Array
 over degrees of freedom are in tree order.
 """
 
+import itertools
 from collections.abc import Callable
 from typing import Any
 
@@ -122,9 +123,10 @@ def sum_by(x: jax.Array, group: np.ndarray, n: int) -> jax.Array:
         return jnp.zeros((n, *x.shape[1:]), x.dtype).at[group].add(x)
     x = take(x, np.argsort(group, kind="stable"))
     parts, row = [x[:0]], 0
-    for first, last in zip(starts[:-1], starts[1:], strict=True):
-        parts.append(_sums(x, row, last - first, size[first]))
-        row += (last - first) * size[first]
+    for first, last in itertools.pairwise(starts.tolist()):
+        n_groups, n_rows = last - first, int(size[first])
+        parts.append(_sums(x, row, n_groups, n_rows))
+        row += n_groups * n_rows
     return jnp.concatenate(parts)
 
 
