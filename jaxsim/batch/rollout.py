@@ -95,7 +95,7 @@ def _chunked(f, states, ctrls):
     padded = jax.tree.map(lambda x: _pad(x, chunks * size - lanes), (states, ctrls))
     split = jax.tree.map(lambda x: x.reshape(chunks, size, *x.shape[1:]), padded)
     out = lax.map(lambda x: f(*x), split)
-    return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:])[:lanes], out)
+    return jax.tree.map(lambda x: x.reshape(chunks * size, *x.shape[2:])[:lanes], out)
 
 
 def _pad(x, rows: int):
