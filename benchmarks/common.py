@@ -47,7 +47,10 @@ class Timing:
 
 
 def interleave(
-    candidates: dict[str, Callable[[], object]], repetitions: int, at_least: float = 0.02
+    candidates: dict[str, Callable[[], object]],
+    repetitions: int,
+    at_least: float = 0.02,
+    clock: Callable[[], float] = time.perf_counter,
 ) -> dict[str, Timing]:
     """Time all candidates in turn, `repetitions` times.
 
@@ -55,23 +58,24 @@ def interleave(
       candidates: functions that return after the work is done; the first call warms up.
       repetitions: samples for each of them.
       at_least: calls are repeated within a sample until it takes this long (s).
+      clock: `time.process_time` on a machine that is busy with other things; for one thread only.
     """
     calls = {}
     for name, run in candidates.items():
         run()
-        calls[name] = max(1, round(at_least / max(_seconds(run, 1), 1e-9)))
+        calls[name] = max(1, round(at_least / max(_seconds(run, 1, clock), 1e-9)))
     samples = {name: [] for name in candidates}
     for _ in range(repetitions):
         for name, run in candidates.items():
-            samples[name].append(_seconds(run, calls[name]))
+            samples[name].append(_seconds(run, calls[name], clock))
     return {name: Timing.of(values) for name, values in samples.items()}
 
 
-def _seconds(run: Callable, calls: int) -> float:
-    start = time.perf_counter()
+def _seconds(run: Callable, calls: int, clock: Callable[[], float]) -> float:
+    start = clock()
     for _ in range(calls):
         run()
-    return (time.perf_counter() - start) / calls
+    return (clock() - start) / calls
 
 
 def setup(devices: int = 1, x64: bool = False) -> None:
@@ -93,11 +97,17 @@ def compile_for(f: Callable, *args):
     """
     import jax
 
-    options = SINGLE_THREADED if jax.default_backend() == "cpu" else None
     start = time.perf_counter()
-    program = jax.jit(f, compiler_options=options).lower(*args).compile()
+    program = jax.jit(f, compiler_options=compiler_options()).lower(*args).compile()
     seconds = time.perf_counter() - start
     return (lambda: jax.block_until_ready(program(*args))), program, seconds
+
+
+def compiler_options() -> dict | None:
+    """One thread for each device on a CPU."""
+    import jax
+
+    return SINGLE_THREADED if jax.default_backend() == "cpu" else None
 
 
 def parser(description: str, repetitions: int) -> argparse.ArgumentParser:
@@ -106,6 +116,14 @@ def parser(description: str, repetitions: int) -> argparse.ArgumentParser:
     options.add_argument("--repetitions", type=int, default=repetitions, help="interleaved samples")
     options.add_argument("--name", help="name of the files to write (default: that of the script)")
     options.add_argument("--out", type=pathlib.Path, default=RESULTS, help="where results are written")
+    options.add_argument(
+        "--cpu-time",
+        dest="clock",
+        action="store_const",
+        const=time.process_time,
+        default=time.perf_counter,
+        help="count the time of this process only, on a busy machine (one thread)",
+    )
     options.add_argument("--dry", action="store_true", help="print, but write no files")
     return options
 

@@ -8,9 +8,12 @@ is `M^-1 f` where kinematics are known. For MuJoCo that is
   ABA: kinematics, mj_comVel, mj_rne, mj_crb, mj_factorM, mj_solveM
   solve: mj_crb, mj_factorM, mj_solveM
 called one by one from Python on one thread. What the calls themselves cost is measured on an
-empty model and subtracted. jaxsim runs `--lanes` environments, batch last, on one thread.
-CRBA writes a full matrix and gets fewer lanes where that would not fit into memory.
+empty model and subtracted. jaxsim runs `--batch` environments, batch last, on one thread, in chunks
+of fewer lanes where the trees are large, so that a chunk stays in cache. CRBA writes a full
+matrix and gets fewer environments where that would not fit into memory.
 """
+
+import argparse
 
 import common
 import mujoco
@@ -19,6 +22,9 @@ import numpy as np
 ALGORITHMS = ("kinematics", "rnea", "crba", "aba", "solve")
 # Entries of all mass matrices of a batch together.
 CRBA_ENTRIES = 2**24
+# Links of all environments of a chunk together.
+CHUNK_LINKS = 2**15
+MIN_LANES = 32
 
 
 def main(arguments=None) -> None:
@@ -34,12 +40,12 @@ def main(arguments=None) -> None:
     common.write(options, __file__, {"rows": rows, "scaling": verdicts}, lambda f: _draw(f, rows))
 
 
-def _options(arguments):
+def _options(arguments) -> argparse.Namespace:
     parser = common.parser(__doc__, repetitions=15)
     parser.add_argument("--sizes", type=int, nargs="+", default=[8, 16, 32, 64, 128, 256, 512])
     parser.add_argument("--shapes", nargs="+", default=["chain", "binary"], choices=["chain", "binary"])
     parser.add_argument("--algorithms", nargs="+", default=list(ALGORITHMS), choices=ALGORITHMS)
-    parser.add_argument("--lanes", type=int, default=256, help="environments in a batch")
+    parser.add_argument("--batch", type=int, default=256, help="environments")
     parser.add_argument("--x64", action="store_true", help="float64")
     return parser.parse_args(arguments)
 
@@ -66,26 +72,26 @@ def _measure(shape: str, n: int, options) -> list[dict]:
     import jaxsim
 
     mj = make_tree(shape, n)
-    model, inputs = jaxsim.load(mj), _inputs(n, options.lanes)
+    model, inputs = jaxsim.load(mj), _inputs(n, options.batch)
     programs = {a: _program(a, model, inputs, n) for a in options.algorithms}
     candidates = {a: run for a, (run, _, _) in programs.items()}
     data, empty = _oracle_data(mj, inputs), mujoco.MjModel.from_xml_string("<mujoco/>")
     for a in options.algorithms:
         candidates[f"mujoco {a}"] = _mujoco_calls(a, mj, data)
         candidates[f"calls {a}"] = _mujoco_calls(a, empty, mujoco.MjData(empty))
-    times = common.interleave(candidates, options.repetitions)
+    times = common.interleave(candidates, options.repetitions, clock=options.clock)
     return [_row(a, shape, n, programs[a], times, mj, inputs) for a in options.algorithms]
 
 
 def _row(a, shape, n, program, times, mj, inputs) -> dict:
-    run, lanes, compile_seconds = program
-    ours = times[a].per(lanes)
+    run, batch, compile_seconds = program
+    ours = times[a].per(batch)
     theirs = times[f"mujoco {a}"].median - times[f"calls {a}"].median
     return {
         "algorithm": a,
         "tree": shape,
         "links": n,
-        "lanes": lanes,
+        "batch": batch,
         "jaxsim us": ours.median * 1e6,
         "spread": ours.spread * 1e6,
         "best": ours.best * 1e6,
@@ -103,21 +109,18 @@ def _inputs(n: int, lanes: int) -> np.ndarray:
 
 
 def _program(algorithm: str, model, inputs: np.ndarray, n: int):
-    """The batch of an algorithm: how to run it, its lanes, seconds to compile."""
+    """The batch of an algorithm: how to run it, its environments, seconds to compile."""
     import jax
     import jax.numpy as jnp
 
     import jaxsim
     from jaxsim.dynamics.aba import solve_mass
-    from jaxsim.dynamics.kinematics import Kinematics, kinematics
+    from jaxsim.dynamics.kinematics import kinematics
 
-    lanes = inputs.shape[1]
+    batch = inputs.shape[1]
     if algorithm == "crba":
-        lanes = max(1, min(lanes, CRBA_ENTRIES // n**2))
-    qpos, qvel, qacc, tau = (jnp.asarray(x[:lanes], jnp.result_type(float)) for x in inputs)
-
-    def recursion_inputs(q) -> Kinematics:
-        return kinematics(model, q)
+        batch = max(1, min(batch, CRBA_ENTRIES // n**2))
+    qpos, qvel, qacc, tau = (jnp.asarray(x[:batch], jnp.result_type(float)) for x in inputs)
 
     f, args = {
         "kinematics": (lambda q: _used(kinematics(model, q)), (qpos,)),
@@ -127,9 +130,25 @@ def _program(algorithm: str, model, inputs: np.ndarray, n: int):
         "solve": (lambda kin, f: solve_mass(model, kin, f), None),
     }[algorithm]
     if args is None:
-        args = (jax.jit(jaxsim.vmap(recursion_inputs))(qpos), tau)
-    run, _, seconds = common.compile_for(jaxsim.vmap(f), *args)
-    return run, lanes, seconds
+        args = (jax.jit(jaxsim.vmap(lambda q: kinematics(model, q)))(qpos), tau)
+    run, _, seconds = common.compile_for(_in_chunks(jaxsim.vmap(f), n, batch), *args)
+    return run, batch, seconds
+
+
+def _in_chunks(f, n: int, batch: int):
+    """The batch as chunks that stay in cache, where it has more lanes than that."""
+    import jax
+
+    lanes = max(MIN_LANES, CHUNK_LINKS // n)
+    if batch <= lanes or batch % lanes:
+        return f
+
+    def chunked(*args):
+        split = jax.tree.map(lambda x: x.reshape(-1, lanes, *x.shape[1:]), args)
+        out = jax.lax.map(lambda x: f(*x), split)
+        return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), out)
+
+    return chunked
 
 
 def _used(kin):

@@ -1,0 +1,113 @@
+"""The models of the benchmarks, all of them shipped by other packages, and states that they visit."""
+
+import dataclasses
+import importlib.util
+import pathlib
+
+import mujoco
+import numpy as np
+
+MODELS = {
+    "humanoid": ("mujoco", "mjx/test_data/humanoid/humanoid.xml"),
+    "ant": ("gymnasium", "envs/mujoco/assets/ant.xml"),
+    "half_cheetah": ("gymnasium", "envs/mujoco/assets/half_cheetah.xml"),
+    "hopper": ("gymnasium", "envs/mujoco/assets/hopper.xml"),
+    "walker2d": ("gymnasium", "envs/mujoco/assets/walker2d_v5.xml"),
+    "double_pendulum": ("gymnasium", "envs/mujoco/assets/inverted_double_pendulum.xml"),
+    "barkour": ("mujoco", "mjx/test_data/barkour_v0/assets/barkour_v0_mjx.xml"),
+    "shadow_hand": ("mujoco", "mjx/test_data/shadow_hand/scene_right.xml"),
+    "gymnasium_humanoid": ("gymnasium", "envs/mujoco/assets/humanoid.xml"),
+    "five_humanoids": ("mujoco", "mjx/test_data/humanoid/05_humanoids.xml"),
+}
+
+
+def load(name: str) -> mujoco.MjModel:
+    """A model of the table, with the Euler integrator and its other settings as shipped."""
+    package, path = MODELS[name]
+    spec = importlib.util.find_spec(package)
+    if spec is None or spec.origin is None:
+        raise FileNotFoundError(f"model {name} is shipped by {package}, which is not installed")
+    mj = mujoco.MjModel.from_xml_path(str(pathlib.Path(spec.origin).parent / path))
+    mj.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
+    return mj
+
+
+@dataclasses.dataclass
+class States:
+    """States along a rollout of MuJoCo C, with what it computes there; leading axis counts them."""
+
+    qpos: np.ndarray
+    qvel: np.ndarray
+    act: np.ndarray
+    warmstart: np.ndarray
+    ctrl: np.ndarray
+    qacc: np.ndarray
+    contacts: np.ndarray
+    iterations: np.ndarray
+
+    def batch(self, model, lanes: int):
+        """`lanes` states and controls of jaxsim, repeated from the start where there are fewer."""
+        import jax
+        import jax.numpy as jnp
+
+        import jaxsim
+
+        index = np.arange(lanes) % len(self.qpos)
+        state = jax.tree.map(
+            lambda x: jnp.broadcast_to(x[None], (lanes, *x.shape)), jaxsim.make_state(model)
+        )
+        as_float = lambda x: jnp.asarray(x[index], state.qpos.dtype)  # noqa: E731
+        state = state.replace(
+            qpos=as_float(self.qpos),
+            qvel=as_float(self.qvel),
+            act=as_float(self.act),
+            qacc_warmstart=as_float(self.warmstart),
+        )
+        return state, as_float(self.ctrl)
+
+
+def visited(mj: mujoco.MjModel, count: int, seed: int = 0) -> States:
+    """States at equal distances along a second of random controls, from the first keyframe."""
+    rng, data = np.random.default_rng(seed), start(mj)
+    data.qvel[:] += 0.01 * rng.standard_normal(mj.nv)
+    every = max(1, round(1 / (mj.opt.timestep * count)))
+    records = []
+    for _ in range(count):
+        for _ in range(every):
+            data.ctrl[:] = controls(mj, rng, ())
+            mujoco.mj_step(mj, data)
+        records.append(observe(mj, data))
+    return States(*(np.stack(column) for column in zip(*records, strict=True)))
+
+
+def start(mj: mujoco.MjModel) -> mujoco.MjData:
+    """Data at the first keyframe, or at qpos0 without one."""
+    data = mujoco.MjData(mj)
+    if mj.nkey:
+        mujoco.mj_resetDataKeyframe(mj, data, 0)
+    return data
+
+
+def observe(mj: mujoco.MjModel, data: mujoco.MjData) -> tuple:
+    """What `States` holds of a moment."""
+    warmstart = data.qacc_warmstart.copy()
+    mujoco.mj_forward(mj, data)
+    found = (data.qacc.copy(), data.ncon, int(data.solver_niter.sum()))
+    data.qacc_warmstart[:] = warmstart
+    state = (data.qpos.copy(), data.qvel.copy(), data.act.copy(), warmstart, data.ctrl.copy())
+    return state + found
+
+
+def controls(mj: mujoco.MjModel, rng: np.random.Generator, shape: tuple) -> np.ndarray:
+    """Random controls in the middle half of their ranges."""
+    limited = mj.actuator_ctrllimited.astype(bool)
+    low = np.where(limited, mj.actuator_ctrlrange[:, 0], -1.0)
+    high = np.where(limited, mj.actuator_ctrlrange[:, 1], 1.0)
+    return (low + high) / 2 + (high - low) / 4 * rng.uniform(-1, 1, (*shape, mj.nu))
+
+
+def acceleration_error(actual: np.ndarray, expected: np.ndarray) -> dict[str, float]:
+    """Largest difference in each state relative to its largest acceleration: worst and median."""
+    scale = np.maximum(np.abs(expected).max(1), 1.0)
+    error = np.abs(np.asarray(actual, float) - expected).max(1) / scale
+    return {"qacc error": float(error.max()), "median error": float(np.median(error))}

@@ -1,0 +1,246 @@
+"""Steps per second of whole batches: jaxsim beside MuJoCo C and MJX, in one process, interleaved.
+
+All cores for everybody: jaxsim.batch_rollout and MJX with one XLA device per core, MuJoCo C by
+mujoco.rollout with one thread per core. Euler integrator, the models' other settings as shipped,
+random controls, the first keyframe (or qpos0) with a little random velocity at the start. MJX gets
+a batch of its own, `--mjx-batch`, at which it is fastest on a CPU.
+
+Accuracy next to speed: the largest difference of accelerations to MuJoCo C, relative to the largest
+acceleration, over states that a rollout of MuJoCo visits, from the same warm starts. Memory is
+what the process grew by when the batch was compiled and run for the first time.
+"""
+
+import argparse
+import dataclasses
+import os
+import time
+from collections.abc import Callable
+
+import common
+import models
+import mujoco
+import numpy as np
+
+PEERS = ("jaxsim", "mujoco", "mjx")
+
+
+@dataclasses.dataclass
+class Candidate:
+    """A batch that can be run again and again.
+
+    Attributes:
+      run: all steps of all environments.
+      steps: how many that are.
+      compile_seconds: the first run less a later one.
+      memory: growth of the process in the first run (MB).
+      qacc: accelerations at the visited states; None for MuJoCo itself.
+      iterations: mean number of solver steps there.
+    """
+
+    run: Callable[[], object]
+    steps: int
+    compile_seconds: float
+    memory: float
+    qacc: np.ndarray | None
+    iterations: float | None
+
+
+def main(arguments=None) -> None:
+    options = _options(arguments)
+    common.setup(devices=options.devices)
+    rows = []
+    for name in options.models:
+        rows += _model_rows(name, options)
+        print(common.table(r for r in rows if r["model"] == name), flush=True)
+    if options.json:
+        options.out, options.name = options.json.parent, options.json.stem
+    common.write(options, __file__, {"rows": rows}, lambda figure: _draw(figure, rows))
+
+
+def _options(arguments) -> argparse.Namespace:
+    import pathlib
+
+    parser = common.parser(__doc__, repetitions=5)
+    fast = [name for name in models.MODELS if name not in ("gymnasium_humanoid", "five_humanoids")]
+    parser.add_argument("--models", nargs="+", default=fast, choices=models.MODELS)
+    parser.add_argument("--peers", nargs="*", default=["jaxsim", "mujoco"], choices=PEERS)
+    parser.add_argument("--batch", type=int, default=1024, help="environments")
+    parser.add_argument("--mjx-batch", type=int, default=128, help="environments for MJX")
+    parser.add_argument("--steps", type=int, default=50, help="steps of a rollout")
+    parser.add_argument("--states", type=int, default=32, help="states for the accuracy")
+    parser.add_argument("--devices", type=int, default=os.cpu_count(), help="devices and threads")
+    parser.add_argument("--iterations", type=int, help="Newton steps at most (default: the model's)")
+    parser.add_argument("--json", type=pathlib.Path, help="file to write instead of results/")
+    return parser.parse_args(arguments)
+
+
+def _model_rows(name: str, options) -> list[dict]:
+    """One row for each peer; a row that says why where one has no result."""
+    try:
+        mj = models.load(name)
+    except (FileNotFoundError, ValueError) as error:
+        return [{"model": name, "peer": "all", "why": str(error)}]
+    if options.iterations:
+        mj.opt.iterations = options.iterations
+    states = models.visited(mj, options.states)
+    build = {"jaxsim": _jaxsim, "mujoco": _mujoco, "mjx": _mjx}
+    found, rows = {}, []
+    for peer in options.peers:
+        try:
+            found[peer] = build[peer](mj, states, options)
+        except (NotImplementedError, ValueError) as error:
+            rows.append({"model": name, "peer": peer, "why": " ".join(str(error).split())})
+    times = common.interleave({p: c.run for p, c in found.items()}, options.repetitions)
+    baseline = times["mujoco"].per(found["mujoco"].steps).median if "mujoco" in found else None
+    labels = {"model": name, "nv": mj.nv}
+    return [labels | _row(p, c, times[p], states, baseline) for p, c in found.items()] + rows
+
+
+def _row(peer: str, candidate: Candidate, timing, states, baseline: float | None) -> dict:
+    per_step = timing.per(candidate.steps)
+    row = {
+        "peer": peer,
+        "steps/s": 1 / per_step.median,
+        "spread %": 100 * per_step.spread / per_step.median,
+        "to MuJoCo": baseline / per_step.median if baseline else None,
+        "compile s": candidate.compile_seconds,
+        "memory MB": candidate.memory,
+        "contacts": float(states.contacts.mean()),
+        "iterations": candidate.iterations,
+    }
+    if candidate.qacc is not None:
+        row |= models.acceleration_error(candidate.qacc, states.qacc)
+    return row
+
+
+def _jaxsim(mj, states, options) -> Candidate:
+    import jax
+    import jax.numpy as jnp
+
+    import jaxsim
+
+    model = jaxsim.load(mj)
+    qpos, qvel, act, ctrls = (jnp.asarray(x) for x in _start(mj, options.batch, options.steps))
+    state = jax.tree.map(
+        lambda x: jnp.broadcast_to(x[None], (options.batch, *x.shape)), jaxsim.make_state(model)
+    )
+    state = state.replace(qpos=qpos, qvel=qvel, act=act)
+    forward = jax.jit(jaxsim.vmap(lambda s, u: jaxsim.forward(model, s, u)))
+    there = forward(*states.batch(model, len(states.qpos)))
+
+    def run():
+        return jax.block_until_ready(jaxsim.batch_rollout(model, state, ctrls))
+
+    return Candidate(
+        run,
+        options.batch * options.steps,
+        *_first_run(run),
+        qacc=np.asarray(there.qacc),
+        iterations=float(there.status.iterations.mean()),
+    )
+
+
+def _mujoco(mj, states, options) -> Candidate:
+    from mujoco import rollout
+
+    qpos, qvel, act, ctrls = _start(mj, options.batch, options.steps)
+    spec = mujoco.mjtState.mjSTATE_FULLPHYSICS
+    initial = np.zeros((options.batch, mujoco.mj_stateSize(mj, spec)))
+    data = mujoco.MjData(mj)
+    for i in range(options.batch):
+        data.qpos[:], data.qvel[:], data.act[:] = qpos[i], qvel[i], act[i]
+        mujoco.mj_getState(mj, data, initial[i], spec)
+    threads = rollout.Rollout(nthread=options.devices)
+    datas = [mujoco.MjData(mj) for _ in range(options.devices)]
+
+    def run():
+        return threads.rollout(mj, datas, initial, ctrls)
+
+    _, memory = _first_run(run)
+    iterations = float(states.iterations.mean())
+    return Candidate(run, options.batch * options.steps, 0.0, memory, None, iterations)
+
+
+def _mjx(mj, states, options) -> Candidate:
+    import jax
+    import jax.numpy as jnp
+    from jax.sharding import Mesh, NamedSharding, PartitionSpec
+    from mujoco import mjx
+
+    model, data = mjx.put_model(mj), mjx.make_data(mj)
+    batch = -(-options.mjx_batch // options.devices) * options.devices
+
+    def at(qpos, qvel, act):
+        return data.replace(qpos=qpos, qvel=qvel, act=act)
+
+    def rollout(qpos, qvel, act, ctrls):
+        def body(d, ctrl):
+            return mjx.step(model, d.replace(ctrl=ctrl)), None
+
+        return jax.lax.scan(body, at(qpos, qvel, act), ctrls)[0].qpos
+
+    def forward(qpos, qvel, act, warmstart, ctrl):
+        given = at(qpos, qvel, act).replace(qacc_warmstart=warmstart, ctrl=ctrl)
+        return mjx.forward(model, given).qacc
+
+    spec, mesh = PartitionSpec("batch"), Mesh(np.array(jax.devices()), ("batch",))
+    sharded = jax.shard_map(
+        jax.vmap(rollout), mesh=mesh, in_specs=spec, out_specs=spec, check_vma=False
+    )
+    program = jax.jit(sharded, compiler_options=common.compiler_options())
+    args = [
+        jax.device_put(jnp.asarray(x), NamedSharding(mesh, spec))
+        for x in _start(mj, batch, options.steps)
+    ]
+    inputs = (states.qpos, states.qvel, states.act, states.warmstart, states.ctrl)
+
+    def run():
+        return jax.block_until_ready(program(*args))
+
+    first = _first_run(run)
+    qacc = np.asarray(jax.jit(jax.vmap(forward))(*(jnp.asarray(x) for x in inputs)))
+    return Candidate(run, batch * options.steps, *first, qacc=qacc, iterations=None)
+
+
+def _start(mj, batch: int, steps: int) -> tuple[np.ndarray, ...]:
+    """qpos, qvel, act and controls of a batch, the same for all peers."""
+    rng, data = np.random.default_rng(0), models.start(mj)
+    rows = [np.tile(x, (batch, 1)) for x in (data.qpos, data.qvel, data.act)]
+    rows[1] = rows[1] + 0.01 * rng.standard_normal(rows[1].shape)
+    return *rows, models.controls(mj, rng, (batch, steps))
+
+
+def _first_run(run) -> tuple[float, float]:
+    """Seconds that the first run takes longer than the second, and growth of the process in MB."""
+    before = _resident()
+    start = time.perf_counter()
+    run()
+    first = time.perf_counter() - start
+    grown = max(0.0, _resident() - before)
+    start = time.perf_counter()
+    run()
+    return max(0.0, first - (time.perf_counter() - start)), grown
+
+
+def _resident() -> float:
+    import psutil
+
+    return psutil.Process().memory_info().rss / 2**20
+
+
+def _draw(figure, rows) -> None:
+    """Bars of steps per second."""
+    axes = figure.subplots()
+    timed = [r for r in rows if "steps/s" in r]
+    names = list(dict.fromkeys(r["model"] for r in timed))
+    for i, peer in enumerate(PEERS):
+        line = [r for r in timed if r["peer"] == peer]
+        at = [names.index(r["model"]) + 0.27 * i for r in line]
+        axes.bar(at, [r["steps/s"] for r in line], 0.27, label=peer)
+    axes.set_xticks(range(len(names)), names, rotation=30, fontsize=8)
+    axes.set(yscale="log", ylabel="steps per second")
+    axes.legend()
+
+
+if __name__ == "__main__":
+    main()
