@@ -182,7 +182,8 @@ def _limit_tendons(model: Model, force) -> Float[Array, "nu"]:
     # A total of zero has no share to scale.
     outside = outside & (total != 0)
     ratio = jnp.clip(total, low, high) / jnp.where(outside, total, 1.0)
-    return force.at[ids].multiply(jnp.where(outside, ratio, 1.0))
+    scaled = take(force, ids) * jnp.where(outside, ratio, 1.0)
+    return force.at[ids].set(scaled, unique_indices=True)
 
 
 def _joint_forces(model: Model, t: Transmission, force, gravcomp) -> Float[Array, "nv"]:
