@@ -13,6 +13,7 @@ import os
 import pathlib
 import platform
 import statistics
+import textwrap
 import time
 from collections.abc import Callable, Iterable, Sequence
 
@@ -115,7 +116,9 @@ def parser(description: str, repetitions: int) -> argparse.ArgumentParser:
     options = argparse.ArgumentParser(description=description)
     options.add_argument("--repetitions", type=int, default=repetitions, help="interleaved samples")
     options.add_argument("--name", help="name of the files to write (default: that of the script)")
-    options.add_argument("--out", type=pathlib.Path, default=RESULTS, help="where results are written")
+    options.add_argument(
+        "--out", type=pathlib.Path, default=RESULTS, help="where results are written"
+    )
     options.add_argument(
         "--cpu-time",
         dest="clock",
@@ -157,21 +160,24 @@ def table(rows: Iterable[dict], columns: Sequence[str] | None = None) -> str:
     columns = columns or list(dict.fromkeys(key for row in rows for key in row))
     cells = [list(columns)] + [[_text(row.get(c, "")) for c in columns] for row in rows]
     widths = [max(len(line[i]) for line in cells) for i in range(len(columns))]
-    return "\n".join(
-        "  ".join(cell.rjust(w) if i else cell.ljust(w) for i, (cell, w) in enumerate(zip(line, widths, strict=True)))
-        for line in cells
-    )
+    adjust = [str.ljust] + [str.rjust] * (len(columns) - 1)
+    aligned = [[f(*cw) for f, *cw in zip(adjust, line, widths, strict=True)] for line in cells]
+    return "\n".join("  ".join(line) for line in aligned)
 
 
 def _text(value) -> str:
+    if value is None:
+        return ""
     if not isinstance(value, float):
-        return str(value)
+        return textwrap.shorten(str(value), 70)
     if value == 0 or 1e-2 <= abs(value) < 1e4:
         return f"{value:.3g}"
     return f"{value:,.0f}" if abs(value) >= 1e4 else f"{value:.1e}"
 
 
-def write(options: argparse.Namespace, script: str, record: dict, draw: Callable | None = None) -> None:
+def write(
+    options: argparse.Namespace, script: str, record: dict, draw: Callable | None = None
+) -> None:
     """Write `NAME.json`, and `NAME.png` if there is something to draw.
 
     Args:

@@ -43,7 +43,9 @@ def main(arguments=None) -> None:
 def _options(arguments) -> argparse.Namespace:
     parser = common.parser(__doc__, repetitions=15)
     parser.add_argument("--sizes", type=int, nargs="+", default=[8, 16, 32, 64, 128, 256, 512])
-    parser.add_argument("--shapes", nargs="+", default=["chain", "binary"], choices=["chain", "binary"])
+    parser.add_argument(
+        "--shapes", nargs="+", default=["chain", "binary"], choices=["chain", "binary"]
+    )
     parser.add_argument("--algorithms", nargs="+", default=list(ALGORITHMS), choices=ALGORITHMS)
     parser.add_argument("--batch", type=int, default=256, help="environments")
     parser.add_argument("--x64", action="store_true", help="float64")
@@ -144,9 +146,9 @@ def _in_chunks(f, n: int, batch: int):
         return f
 
     def chunked(*args):
-        split = jax.tree.map(lambda x: x.reshape(-1, lanes, *x.shape[1:]), args)
+        split = jax.tree.map(lambda x: x.reshape(batch // lanes, lanes, *x.shape[1:]), args)
         out = jax.lax.map(lambda x: f(*x), split)
-        return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), out)
+        return jax.tree.map(lambda x: x.reshape(batch, *x.shape[2:]), out)
 
     return chunked
 
@@ -195,7 +197,9 @@ def _mujoco_calls(algorithm: str, mj, data):
 def _error(algorithm: str, mj, inputs, result) -> float:
     """Largest difference to MuJoCo over a few lanes, relative to the largest entry."""
     result = np.asarray(result[0] if algorithm == "kinematics" else result)
-    pairs = [(actual, _expected(algorithm, mj, x)) for actual, x in zip(result[:4], inputs.swapaxes(0, 1)[:4])]
+    pairs = [
+        (result[i], _expected(algorithm, mj, inputs[:, i])) for i in range(min(4, len(result)))
+    ]
     return float(max(np.abs(a - e).max() / np.abs(e).max() for a, e in pairs))
 
 
@@ -228,13 +232,15 @@ def _scaling(rows) -> list[dict]:
         line = {r["links"]: r for r in rows if (r["tree"], r["algorithm"]) == (tree, a)}
         low, high = min(line), max(line)
         middle = 16 if 16 in line else low
+        per_link = [line[n]["best"] / n for n in (low, high)]
+        compiling = [line[n]["compile s"] for n in (middle, high)]
         result.append(
             {
                 "algorithm": a,
                 "tree": tree,
                 "links": f"{low}..{high}",
-                "time per link, grown by": line[high]["best"] / line[low]["best"] * low / high,
-                f"compile time, {high} : {middle} links": line[high]["compile s"] / line[middle]["compile s"],
+                "time per link, grown by": per_link[1] / per_link[0],
+                f"compile time, {high} : {middle} links": compiling[1] / compiling[0],
             }
         )
     return result

@@ -1,4 +1,4 @@
-"""The models of the benchmarks, all of them shipped by other packages, and states that they visit."""
+"""The models of the benchmarks, all shipped by other packages, and states that they visit."""
 
 import dataclasses
 import importlib.util
@@ -77,6 +77,20 @@ def visited(mj: mujoco.MjModel, count: int, seed: int = 0) -> States:
             data.ctrl[:] = controls(mj, rng, ())
             mujoco.mj_step(mj, data)
         records.append(observe(mj, data))
+    return _stacked(records)
+
+
+def at_start(mj: mujoco.MjModel, count: int, seed: int = 0) -> States:
+    """The start with different small velocities; unlike a rollout it keeps all contacts."""
+    rng, records = np.random.default_rng(seed), []
+    for _ in range(count):
+        data = start(mj)
+        data.qvel[:] = 0.01 * rng.standard_normal(mj.nv)
+        records.append(observe(mj, data))
+    return _stacked(records)
+
+
+def _stacked(records: list[tuple]) -> States:
     return States(*(np.stack(column) for column in zip(*records, strict=True)))
 
 

@@ -13,6 +13,7 @@ what the process grew by when the batch was compiled and run for the first time.
 import argparse
 import dataclasses
 import os
+import pathlib
 import time
 from collections.abc import Callable
 
@@ -58,8 +59,6 @@ def main(arguments=None) -> None:
 
 
 def _options(arguments) -> argparse.Namespace:
-    import pathlib
-
     parser = common.parser(__doc__, repetitions=5)
     fast = [name for name in models.MODELS if name not in ("gymnasium_humanoid", "five_humanoids")]
     parser.add_argument("--models", nargs="+", default=fast, choices=models.MODELS)
@@ -69,7 +68,7 @@ def _options(arguments) -> argparse.Namespace:
     parser.add_argument("--steps", type=int, default=50, help="steps of a rollout")
     parser.add_argument("--states", type=int, default=32, help="states for the accuracy")
     parser.add_argument("--devices", type=int, default=os.cpu_count(), help="devices and threads")
-    parser.add_argument("--iterations", type=int, help="Newton steps at most (default: the model's)")
+    parser.add_argument("--iterations", type=int, help="Newton steps (default: the model's)")
     parser.add_argument("--json", type=pathlib.Path, help="file to write instead of results/")
     return parser.parse_args(arguments)
 

@@ -1,0 +1,91 @@
+"""The benchmarks run: their help, and tiny measurements whose numbers are finite and accurate."""
+
+import json
+import os
+import pathlib
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+REPOSITORY = pathlib.Path(__file__).parent.parent
+SCRIPTS = REPOSITORY / "benchmarks"
+
+
+def run(script: str, *arguments) -> str:
+    """Output of a benchmark, run as a user would."""
+    paths = [str(REPOSITORY), os.environ.get("PYTHONPATH", "")]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(p for p in paths if p)}
+    command = [sys.executable, str(SCRIPTS / script), *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.fixture
+def common(monkeypatch):
+    """The shared helpers, imported as the scripts import them."""
+    monkeypatch.syspath_prepend(str(SCRIPTS))
+    import common
+
+    return common
+
+
+@pytest.mark.parametrize("script", ["dynamics.py", "solver.py", "throughput.py"])
+def test_help_says_what_is_measured(script):
+    assert "MuJoCo C" in run(script, "--help")
+
+
+def test_timing_summarises_samples(common):
+    timing = common.Timing.of([4.0, 1.0, 2.0, 3.0, 100.0])
+    assert (timing.median, timing.best) == (3.0, 1.0)
+    assert timing.spread == (4.0 - 2.0) / 2
+    assert timing.per(2).median == 1.5
+
+
+def test_candidates_take_turns(common):
+    calls = []
+    candidates = {name: lambda name=name: calls.append(name) for name in "ab"}
+    ticks = iter(range(1000))
+    timings = common.interleave(candidates, 3, at_least=1.0, clock=lambda: next(ticks))
+    assert calls == ["a", "a", "b", "b", *"ababab"]
+    assert all(len(t.samples) == 3 for t in timings.values())
+
+
+def test_table_aligns_columns(common):
+    lines = common.table([{"name": "a", "x": 0.5}, {"name": "long", "y": 12345.0}]).splitlines()
+    assert len({len(line) for line in lines}) == 1
+    assert lines[0].split() == ["name", "x", "y"]
+    assert "12,345" in lines[2]
+
+
+@pytest.mark.slow
+def test_dynamics_writes_accurate_results(tmp_path):
+    run("dynamics.py", "--sizes", 8, "--batch", 4, "--repetitions", 2, "--x64", "--out", tmp_path)
+    record = json.loads((tmp_path / "dynamics.json").read_text())
+    assert len(record["rows"]) == 10
+    assert max(row["relative error"] for row in record["rows"]) < 1e-10
+    assert (tmp_path / "dynamics.png").stat().st_size > 0
+    assert record["machine"]["mujoco"]
+
+
+@pytest.mark.slow
+def test_solver_compares_strategies(tmp_path):
+    sizes = ("--batch", 4, "--states", 4, "--repetitions", 2)
+    run("solver.py", "--models", "hopper", "--chains", 8, "--x64", *sizes, "--out", tmp_path)
+    record = json.loads((tmp_path / "solver.json").read_text())
+    timed = [row for row in record["rows"] if "us" in row]
+    assert {row["solver"] for row in timed} == {"dense", "iterative", "MuJoCo C"}
+    assert all(row["median error"] < 1e-4 for row in timed if "median error" in row)
+    assert {row["contacts"] for row in record["chains"]} == {8.0}
+
+
+@pytest.mark.slow
+def test_throughput_of_all_cores(tmp_path):
+    sizes = ("--batch", 4, "--steps", 2, "--states", 4, "--repetitions", 2)
+    run("throughput.py", "--models", "double_pendulum", *sizes, "--json", tmp_path / "out.json")
+    record = json.loads((tmp_path / "out.json").read_text())
+    assert [row["peer"] for row in record["rows"]] == ["jaxsim", "mujoco"]
+    assert all(np.isfinite(row["steps/s"]) for row in record["rows"])
+    assert record["rows"][0]["qacc error"] < 1e-3
