@@ -24,18 +24,13 @@ from jaxsim.io import load
 from jaxsim.step import forward, inverse
 
 CASES = [(name, "pyramidal") for name in SCENES] + [("floor", "elliptic"), ("pile", "elliptic")]
-# Files of other packages, and whether they are quick to compile.
-FILES = {
-    "gymnasium/envs/mujoco/assets/hopper.xml": True,
-    "gymnasium/envs/mujoco/assets/half_cheetah.xml": False,
-    "gymnasium/envs/mujoco/assets/walker2d_v5.xml": False,
-    "gymnasium/envs/mujoco/assets/ant.xml": False,
-    "gymnasium/envs/mujoco/assets/humanoid.xml": False,
-    "gymnasium/envs/mujoco/assets/inverted_double_pendulum.xml": False,
-    "gymnasium/envs/mujoco/assets/swimmer.xml": False,
-    "mujoco/mjx/test_data/humanoid/humanoid.xml": False,
-    "mujoco/mjx/test_data/constraints.xml": False,
-}
+GYMNASIUM = (
+    "hopper half_cheetah walker2d_v5 ant humanoid inverted_double_pendulum swimmer"
+).split()
+FILES = [f"gymnasium/envs/mujoco/assets/{name}.xml" for name in GYMNASIUM] + [
+    "mujoco/mjx/test_data/humanoid/humanoid.xml",
+    "mujoco/mjx/test_data/constraints.xml",
+]
 
 
 @pytest.mark.parametrize(("scene", "cone"), CASES)
@@ -46,17 +41,19 @@ def test_small_scenes(scene, cone):
     assert_instants(mj, datas, forward_all(load(mj), datas), DOUBLE)
 
 
-@pytest.mark.parametrize(("scene", "cone"), [("floor", "elliptic"), ("limits", "pyramidal")])
+@pytest.mark.parametrize(
+    ("scene", "cone"),
+    [("floor", "elliptic"), pytest.param("limits", "pyramidal", marks=pytest.mark.slow)],
+)
 def test_small_scenes_in_single_precision(scene, cone, x32):
     mj = converging(SCENES[scene], cone)
     datas = rollout(mj, 12, 15, seed=1, spread=0.5)
     assert_instants(mj, datas, forward_all(load(mj), datas), SINGLE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cone", ["pyramidal", "elliptic"])
-@pytest.mark.parametrize(
-    "path", [pytest.param(p, marks=() if quick else pytest.mark.slow) for p, quick in FILES.items()]
-)
+@pytest.mark.parametrize("path", FILES)
 def test_models_of_other_packages(path, cone):
     mj = converging(_locate(path), cone)
     datas = rollout(mj, 10, 25)
@@ -65,9 +62,9 @@ def test_models_of_other_packages(path, cone):
     assert_instants(mj, datas, forward_all(load(mj), datas), DOUBLE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cone", ["pyramidal", "elliptic"])
 @pytest.mark.parametrize("name", ["four_bar", "spheres", "box_on_plane"])
-@pytest.mark.slow
 def test_bundled_models(name, cone, bundled):
     mj = converging(bundled(name), cone)
     datas = rollout(mj, 10, 25)
@@ -79,14 +76,14 @@ def test_bundled_models(name, cone, bundled):
 )
 def test_random_models(seed):
     mj = converging(
-        random_model(seed, CONSTRAINED, bodies=4 + seed % 4, self_collision=seed % 2 == 1),
+        random_model(seed, CONSTRAINED, bodies=3 + seed % 3, self_collision=seed % 2 == 1),
         ("pyramidal", "elliptic")[seed // 2 % 2],
     )
     datas = rollout(mj, 6, 10, seed=seed)
     assert_instants(mj, datas, forward_all(load(mj), datas), DOUBLE)
 
 
-@pytest.mark.parametrize("scene", ["floor", "equalities"])
+@pytest.mark.parametrize("scene", ["floor", pytest.param("equalities", marks=pytest.mark.slow)])
 def test_inverse_returns_the_applied_forces(scene, rng):
     mj = converging(SCENES[scene], "elliptic")
     datas = rollout(mj, 6, 15, seed=1, spread=0.5)

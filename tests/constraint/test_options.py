@@ -16,14 +16,14 @@ from jaxsim.step import forward
 # One of each kind: a limit, dry friction, an equality and a contact.
 MIXED = """
 <mujoco>
-  <option timestep="0.01" cone="elliptic" o_margin=".02" o_solref=".05 .7"
+  <option timestep="0.01" o_margin=".02" o_solref=".05 .7"
     o_solimp=".8 .9 .01 .5 2" o_friction=".2 .2 .01 .001 .001"/>
   <worldbody>
-    <geom type="plane" size="0 0 1"/>
+    <geom type="plane" size="0 0 1" condim="1"/>
     <body pos="0 0 .095"><joint name="x" type="slide" axis="1 0 0" frictionloss=".5"/>
       <joint name="z" type="slide" axis="0 0 1" limited="true" range="0 1" margin=".01" solreflimit=".1 1"/>
       <joint name="y" type="slide" axis="0 1 0"/>
-      <geom type="sphere" size=".1" solref=".005 1"/></body>
+      <geom type="sphere" size=".1" condim="1" solref=".005 1"/></body>
   </worldbody>
   <equality><joint joint1="y" joint2="x" polycoef="0 1 0 0 0" solref=".005 1"/></equality>
 </mujoco>
@@ -54,7 +54,7 @@ def test_flags_switch_what_they_name():
         assert flag == "WARMSTART" or np.abs(expected[flag] - plain).max() > 1e-3
 
 
-@pytest.mark.parametrize("cone", ["pyramidal", "elliptic"])
+@pytest.mark.parametrize("cone", [pytest.param("pyramidal", marks=pytest.mark.slow), "elliptic"])
 def test_impratio_is_a_leaf(cone):
     mj = converging(FLOOR, cone)
     datas, model = rollout(mj, 4, 20, seed=4, spread=1.0), load(mj)
