@@ -1,4 +1,4 @@
-"""What every simulator of contact must do, whatever its equations: friction, rest, impact, energy."""
+"""What every simulator of contact must do, whatever its equations: friction, rest, impact."""
 
 import jax
 import jax.numpy as jnp
@@ -96,12 +96,11 @@ def test_stack_of_ten_spheres_stays():
     balls = "".join(
         f'<body pos="0 0 {0.1 + 0.199 * i}"><freejoint/><geom size=".1"/></body>' for i in range(10)
     )
-    model = load(
-        converging(
-            f"""<mujoco><option timestep="0.002"/><worldbody><geom type="plane" size="0 0 1"/>{balls}
-            </worldbody></mujoco>"""
-        ),
-    )
+    xml = f"""
+    <mujoco><option timestep="0.002"/><worldbody>
+      <geom type="plane" size="0 0 1"/>{balls}
+    </worldbody></mujoco>"""
+    model = load(converging(xml))
     # 55 pairs of balls and floor; only neighbours ever meet.
     final, path = quick_jit(simulate, static_argnums=2)(model, make_state(model), 250)
     height = path.qpos.reshape(250, 10, 7)[:, :, 2]
@@ -138,7 +137,7 @@ def test_four_bar_stays_closed(bundled):
     for qpos in np.asarray(path.qpos):
         data.qpos[:] = qpos
         mujoco.mj_forward(mj, data)
-        gaps.append(np.abs(data.efc_pos[: 3]).max())
+        gaps.append(np.abs(data.efc_pos[:3]).max())
     assert np.abs(np.diff(path.qpos[:, 0])).sum() > 1, "the crank hardly turned"
     assert max(gaps) < 2e-3
 
@@ -146,12 +145,14 @@ def test_four_bar_stays_closed(bundled):
 def test_energy_never_grows_in_a_passive_scene():
     bodies = "".join(
         f"""<body pos="{x} 0 .3" euler="30 20 {40 * x}"><freejoint/>
-        <geom type="{kind}" size="{size}" condim="{dim}" contype="0" friction=".6 .02 .01"/></body>"""
+        <geom type="{kind}" size="{size}" condim="{dim}" contype="0"
+          friction=".6 .02 .01"/></body>"""
         for x, (kind, size, dim) in enumerate(
             [("box", ".1 .15 .05", 3), ("capsule", ".06 .15", 6), ("cylinder", ".1 .05", 4)]
         )
     )
-    swing = """<body pos="0 2 1"><joint axis="0 1 0" limited="true" range="-40 40" frictionloss=".1"/>
+    swing = """<body pos="0 2 1"><joint axis="0 1 0" limited="true" range="-40 40"
+        frictionloss=".1"/>
       <geom type="capsule" fromto="0 0 0 .4 0 0" size=".03" contype="0" conaffinity="0"/></body>"""
     mj = converging(
         f"""<mujoco><option timestep="0.001"/><worldbody><geom type="plane" size="0 0 1"/>

@@ -93,7 +93,13 @@ def test_no_controls_are_zero_controls():
 
 @pytest.mark.parametrize(
     ("field", "shape"),
-    [("qpos", (3,)), ("qvel", (2, 1)), ("act", (1,)), ("xfrc_applied", (2, 3)), ("mocap_pos", (3,))],
+    [
+        ("qpos", (3,)),
+        ("qvel", (2, 1)),
+        ("act", (1,)),
+        ("xfrc_applied", (2, 3)),
+        ("mocap_pos", (3,)),
+    ],
 )
 def test_wrong_state_shapes(field, shape, bundled):
     model = load(bundled("pendulum"))

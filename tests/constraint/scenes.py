@@ -6,7 +6,8 @@ FLOOR = """
   <option timestep="0.002" impratio="3"/>
   <default><geom friction=".6 .01 .002" contype="0"/></default>
   <worldbody>
-    <geom name="floor" type="plane" size="0 0 1" contype="1" friction=".3 .005 .0001" solref=".03 .8"/>
+    <geom name="floor" type="plane" size="0 0 1" contype="1" friction=".3 .005 .0001"
+      solref=".03 .8"/>
     <body pos="0 0 .095"><freejoint/><geom type="sphere" size=".1" condim="1"/></body>
     <body pos="1 0 .098"><freejoint/><geom type="box" size=".12 .09 .1" condim="3"/></body>
     <body pos="2 0 .098"><freejoint/><geom type="sphere" size=".1" condim="4" priority="1"
@@ -19,7 +20,8 @@ FLOOR = """
     <body pos="5 0 .1"><freejoint/>
       <geom name="pair" type="sphere" size=".1" contype="0" conaffinity="0"/></body>
     <body pos="6 0 .1"><freejoint/>
-      <geom type="ellipsoid" size=".1 .15 .12" condim="3" solimp=".9 .9 .001" solref=".001 1"/></body>
+      <geom type="ellipsoid" size=".1 .15 .12" condim="3" solimp=".9 .9 .001"
+        solref=".001 1"/></body>
   </worldbody>
   <contact><pair geom1="floor" geom2="pair" condim="6" margin=".01" friction=".5 .7 .02 .01 .03"
     solref=".02 1" solreffriction=".05 .7"/></contact>
@@ -54,7 +56,8 @@ LIMITS = """
   <option timestep="0.002"/>
   <default><geom type="capsule" fromto="0 0 0 .2 0 -.05" size=".03" contype="0"/></default>
   <worldbody>
-    <body><joint name="a" type="hinge" axis="0 1 0" limited="true" range="-10 12" frictionloss=".3"/>
+    <body><joint name="a" type="hinge" axis="0 1 0" limited="true" range="-10 12"
+        frictionloss=".3"/>
       <geom/>
       <body pos=".2 0 0"><joint name="b" type="slide" axis="1 0 1" limited="true" range="-.02 .03"
         margin=".004" solreflimit="-900 -20" solimplimit=".8 .95 .01 .4 2"/><geom/>
@@ -82,11 +85,13 @@ EQUALITIES = """
   <default><geom type="box" size=".1 .05 .03" contype="0"/></default>
   <worldbody>
     <site name="world" pos="0 0 1" euler="10 20 30"/>
-    <body name="a" pos="0 0 .9"><freejoint/><geom/><site name="a" pos=".1 .02 0" euler="5 0 40"/></body>
+    <body name="a" pos="0 0 .9"><freejoint/><geom/>
+      <site name="a" pos=".1 .02 0" euler="5 0 40"/></body>
     <body name="b" pos="1 0 0"><joint type="ball"/><geom/>
       <body name="c" pos=".3 0 0"><joint name="h" axis="0 1 0"/><geom/><site name="c" pos=".1 0 0"/>
       </body></body>
-    <body name="d" pos="1.5 0 0"><freejoint/><geom/><site name="d" pos="-.1 0 0" euler="0 0 20"/></body>
+    <body name="d" pos="1.5 0 0"><freejoint/><geom/>
+      <site name="d" pos="-.1 0 0" euler="0 0 20"/></body>
     <body name="e" pos="2 0 0"><joint name="s" type="slide" axis="0 0 1"/><geom/>
       <body name="f" pos=".3 0 0"><joint name="k" axis="1 1 0"/><geom/></body></body>
     <body name="g" pos="3 0 0"><freejoint/><geom/></body>

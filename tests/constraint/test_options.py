@@ -21,7 +21,8 @@ MIXED = """
   <worldbody>
     <geom type="plane" size="0 0 1" condim="1"/>
     <body pos="0 0 .095"><joint name="x" type="slide" axis="1 0 0" frictionloss=".5"/>
-      <joint name="z" type="slide" axis="0 0 1" limited="true" range="0 1" margin=".01" solreflimit=".1 1"/>
+      <joint name="z" type="slide" axis="0 0 1" limited="true" range="0 1" margin=".01"
+        solreflimit=".1 1"/>
       <joint name="y" type="slide" axis="0 1 0"/>
       <geom type="sphere" size=".1" condim="1" solref=".005 1"/></body>
   </worldbody>
