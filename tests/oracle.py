@@ -51,7 +51,7 @@ def quick_jit(f: Callable, **options) -> Callable:
 
 @functools.cache
 def _quick_options() -> dict[str, bool | int]:
-    """Compiler options; the newer code generator is slow to compile, and not every JAX has a choice."""
+    """Compiler options; the newer code generator compiles slowly, not every JAX has a choice."""
     level = {"xla_backend_optimization_level": 0}
     older = level | {"xla_cpu_use_fusion_emitters": False}
     try:

@@ -145,8 +145,8 @@ def _check_limits(mj: mujoco.MjModel, names: _Labels) -> None:
         both = limited & (bounds[:, 1] - bounds[:, 0] < 2 * margin)
         for i in np.nonzero(both)[0]:
             raise ModelError(
-                f"{label(int(i))}: margin {margin[i]:g} exceeds half of the range, so that both limits "
-                "would be active at once; use a smaller margin"
+                f"{label(int(i))}: margin {margin[i]:g} exceeds half of the range, so that both "
+                "limits would be active at once; use a smaller margin"
             )
 
 
