@@ -15,8 +15,10 @@ from jaxsim.batch.vmap import vmap
 from jaxsim.model import Model, State
 from jaxsim.step import step
 
-# Lanes per chunk on a CPU: the working set of a chunk should stay in the second-level cache.
-CPU_LANES = 256
+# The working set of a chunk should stay in a CPU's second-level cache: this many links in all
+# lanes together, within limits below which the vectors are too short and above which nothing
+# is gained.
+CACHED_LINKS, MIN_LANES, MAX_LANES = 16384, 64, 256
 
 
 def batch_rollout(
@@ -27,7 +29,7 @@ def batch_rollout(
 ) -> State | tuple[State, Any]:
     """Simulate a batch of environments over sequences of controls.
 
-    The batch is split over all devices, and on a CPU into chunks of `CPU_LANES` environments. A CPU
+    The batch is split over all devices, and on a CPU into chunks that stay in cache. A CPU
     should be given one device per core before JAX starts:
     `jax.config.update("jax_num_cpu_devices", os.cpu_count())`; the command line does so.
 
@@ -67,10 +69,10 @@ def _compiled(observe, mesh: Mesh, on_cpu: bool):
 
     def shard(model, states, ctrls):
         one = functools.partial(_rollout, model, observe)
-        lanes = ctrls.shape[0]
-        if not on_cpu or lanes <= CPU_LANES:
+        limit = chunk_lanes(model)
+        if not on_cpu or ctrls.shape[0] <= limit:
             return vmap(one)(states, ctrls)
-        return _chunked(vmap(one), states, ctrls)
+        return _chunked(vmap(one), states, ctrls, limit)
 
     options = {"xla_cpu_multi_thread_eigen": False} if on_cpu else None
     sharded = jax.shard_map(
@@ -87,10 +89,15 @@ def _rollout(model: Model, observe, state: State, ctrls: Float[Array, "T nu"]):
     return lax.scan(body, state, ctrls)
 
 
-def _chunked(f, states, ctrls):
+def chunk_lanes(model: Model) -> int:
+    """How many environments of a model a CPU should step together."""
+    return max(MIN_LANES, min(MAX_LANES, CACHED_LINKS // max(model.njnt, 1)))
+
+
+def _chunked(f, states, ctrls, limit: int):
     """`lax.map` over equal chunks; the last one is filled up with copies."""
     lanes = ctrls.shape[0]
-    chunks = -(-lanes // CPU_LANES)
+    chunks = -(-lanes // limit)
     size = -(-lanes // chunks)
     padded = jax.tree.map(lambda x: _pad(x, chunks * size - lanes), (states, ctrls))
     split = jax.tree.map(lambda x: x.reshape(chunks, size, *x.shape[1:]), padded)
