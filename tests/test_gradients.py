@@ -146,8 +146,8 @@ def test_neither_strategy_nor_iterations_change_derivatives(rng):
         f, x = flat_step(model, state, ctrl)
         return jax.jacfwd(f)(x)
 
-    limited = {f"{n}": model.replace(opt=model.opt.replace(iterations=n)) for n in (1, 4)}
-    variants = limited | {name: model.replace(hessian=name) for name in ("dense", "iterative")}
+    variants = {name: model.replace(hessian=name) for name in ("dense", "iterative")}
+    variants["one iteration"] = model.replace(opt=model.opt.replace(iterations=1))
 
     def every(state, ctrl):
         return {name: one(m, state, ctrl) for name, m in (variants | {"auto": model}).items()}
@@ -206,7 +206,7 @@ CORNERS = """
 """
 
 
-@pytest.mark.parametrize("cone", list(CONES))
+@pytest.mark.parametrize("cone", [pytest.param("pyramidal", marks=pytest.mark.slow), "elliptic"])
 def test_no_nan_at_corners(cone):
     model = load(converging(CORNERS, cone))
     states, ctrl = _corners(model)
@@ -224,9 +224,10 @@ def test_no_nan_at_corners(cone):
 @pytest.mark.parametrize("name", ["ant", "humanoid", "hopper"])
 def test_robots_on_their_feet(name, bundled):
     mj = converging(bundled(name))
-    datas, model = rollout(mj, 3, 60, seed=1), load(mj)
-    assert all(d.ncon for d in datas[1:])
-    states, ctrl = batch_states(model, datas[1:])
+    datas, model = rollout(mj, 5, 100, seed=1), load(mj)
+    datas = [d for d in datas if d.ncon][:2]
+    assert datas
+    states, ctrl = batch_states(model, datas)
     inputs = model, states, ctrl, states.qpos
     assert_same(jacobians(*inputs), differences(*inputs), 1e-6)
 

@@ -84,10 +84,9 @@ def test_all_strategies_agree():
 def test_coupled_rows_need_another_strategy_than_articulated():
     mj = converging(PILE)
     model, datas = load(mj), rollout(mj, 6, 20)
-    found = _by_strategy(model, datas, ("dense", "iterative"))
+    found = _by_strategy(model, datas, ("iterative",))
     expected = np.stack([d.qacc for d in datas])
-    for name, qacc in found.items():
-        assert_close(qacc, expected, 1e-6, 1e-6, name)
+    assert_close(found["iterative"], expected, 1e-6, 1e-6)
     states, ctrl = batch_states(model, datas[:1])
     one = jax.tree.map(lambda x: x[0], states)
     with pytest.raises(ModelError, match=r"contact\d rows couple .*'auto', 'dense' or 'iterative'"):
