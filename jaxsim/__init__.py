@@ -7,6 +7,8 @@ Example:
   >>> final, trajectory = jax.jit(jaxsim.rollout)(model, state, jnp.zeros((100, model.nu)))
 """
 
+import importlib
+
 from jaxsim.batch import batch_rollout, vmap
 from jaxsim.check import check
 from jaxsim.dynamics.aba import forward_dynamics
@@ -17,6 +19,14 @@ from jaxsim.model import Model, ModelError, State, make_state
 from jaxsim.step import Forward, forward, inverse, rollout, step
 
 __version__ = "0.1.0"
+
+
+def __getattr__(name: str):
+    """Import `jaxsim.envs` when it is first used."""
+    if name == "envs":
+        return importlib.import_module("jaxsim.envs")
+    raise AttributeError(f"module 'jaxsim' has no attribute {name!r}")
+
 
 __all__ = [
     "Forward",

@@ -60,6 +60,24 @@ class Instant:
     qacc: Float[Array, "nv"]
 
 
+@struct.dataclass
+class Step:
+    """A time step: where it ends, and where forces were evaluated last.
+
+    `mj_step` leaves the derived quantities of its last evaluation in `mjData`: those of the state
+    before the step, or of the fourth stage of Runge-Kutta.
+
+    Attributes:
+      after: the next state.
+      last: the state at which forces were evaluated last.
+      qacc: acceleration there.
+    """
+
+    after: State
+    last: State
+    qacc: Float[Array, "nv"]
+
+
 def integrate(
     model: Model, state: State, now: Instant, evaluate: Callable[[State], Instant]
 ) -> State:
@@ -71,13 +89,22 @@ def integrate(
       now: what is known about it.
       evaluate: function that gives the same for another state; Runge-Kutta needs it.
     """
+    return integrate_step(model, state, now, evaluate).after
+
+
+def integrate_step(
+    model: Model, state: State, now: Instant, evaluate: Callable[[State], Instant]
+) -> Step:
+    """`integrate`, and where forces were evaluated last."""
     if model.opt.integrator == _RK4:
         return runge_kutta(model, state, now, evaluate)
     if model.opt.integrator == _IMPLICIT:
-        return implicit(model, state, now)
-    if model.opt.integrator == _IMPLICITFAST:
-        return implicit_fast(model, state, now)
-    return euler(model, state, now)
+        after = implicit(model, state, now)
+    elif model.opt.integrator == _IMPLICITFAST:
+        after = implicit_fast(model, state, now)
+    else:
+        after = euler(model, state, now)
+    return Step(after, state, now.qacc)
 
 
 def euler(model: Model, state: State, now: Instant) -> State:
@@ -117,7 +144,7 @@ def implicit(model: Model, state: State, now: Instant) -> State:
 
 def runge_kutta(
     model: Model, state: State, now: Instant, evaluate: Callable[[State], Instant]
-) -> State:
+) -> Step:
     """Classical Runge-Kutta of fourth order in the Lie group of the configurations.
 
     A rotation during the step is `q exp(theta)`, and what the stages average is the rate of
@@ -128,7 +155,7 @@ def runge_kutta(
     h = model.opt.timestep
 
     def stage(carry, fraction_and_weight):
-        (rate, slope, act_dot), total, _ = carry
+        (rate, slope, act_dot), total, _, _ = carry
         fraction, weight = fraction_and_weight
         theta = h * fraction * rate
         at = state.replace(
@@ -140,17 +167,17 @@ def runge_kutta(
         then = evaluate(at)
         derivative = _derivative(then, exponential_rate(model, at.qvel, theta))
         total = jax.tree.map(lambda a, b: a + weight * b, total, derivative)
-        return (derivative, total, then.actuation.actuator_length), None
+        return (derivative, total, then.actuation.actuator_length, at), None
 
     # One body for the other three stages keeps the program small.
     tableau = jnp.asarray([[0.5, 2.0], [0.5, 2.0], [1.0, 1.0]], h.dtype)
     first = _derivative(now, state.qvel)
-    carry, _ = lax.scan(stage, (first, first, now.actuation.actuator_length), tableau)
-    (_, last, _), total, length = carry
+    carry = (first, first, now.actuation.actuator_length, state)
+    ((_, last, _), total, length, at), _ = lax.scan(stage, carry, tableau)
     rate, qacc, act_dot = jax.tree.map(lambda x: x / 6, total)
     transmission = now.actuation.transmission.replace(length=length)
     actuation = now.actuation.replace(transmission=transmission, act_dot=act_dot)
-    return advance(model, state, qacc, actuation, rate).replace(qacc_warmstart=last)
+    return Step(advance(model, state, qacc, actuation, rate), at, last)
 
 
 def advance(

@@ -8,7 +8,7 @@ from flax import struct
 from jaxtyping import Array, Float
 
 from jaxsim.collision import Contact, detect, find_candidates
-from jaxsim.constraint import Constrained, Scene, constrained_acceleration
+from jaxsim.constraint import Constrained, Scene, constrained_acceleration, constrained_at
 from jaxsim.dynamics.aba import accelerations
 from jaxsim.dynamics.actuation import Actuation, actuation
 from jaxsim.dynamics.kinematics import Kinematics, kinematics
@@ -70,6 +70,16 @@ def evaluate(model: Model, state: State, ctrl: Float[Array, "nu"] | None) -> Eva
         scene, contact, qacc_smooth, link_acc, state.qacc_warmstart
     )
     return Evaluation(smooth, qacc_smooth, contact, constrained)
+
+
+def evaluate_at(
+    model: Model, state: State, ctrl: Float[Array, "nu"] | None, qacc: Float[Array, "nv"]
+) -> Evaluation:
+    """`evaluate` where the acceleration is known already, so that nothing is solved."""
+    smooth = smooth_dynamics(model, state, ctrl)
+    scene, contact = constraint_scene(model, state, smooth)
+    qacc_smooth, _ = accelerations(model, smooth.kin, smooth.qfrc_smooth)
+    return Evaluation(smooth, qacc_smooth, contact, constrained_at(scene, contact, qacc))
 
 
 def smooth_dynamics(model: Model, state: State, ctrl: Float[Array, "nu"] | None) -> Smooth:

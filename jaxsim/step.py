@@ -6,13 +6,12 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxsim.collision import Contact
-from jaxsim.constraint import constraint_blocks
-from jaxsim.constraint.solve import constraint_force
+from jaxsim.constraint import constrained_at
 from jaxsim.dynamics.crba import composite_mass_matrix
 from jaxsim.dynamics.energy import kinetic_energy, potential_energy
 from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.dynamics.rnea import generalized_force, link_accelerations, link_forces
-from jaxsim.integrate import integrate
+from jaxsim.integrate import Step, integrate_step
 from jaxsim.model import Model, State
 from jaxsim.pipeline import Evaluation, constraint_scene, evaluate, smooth_dynamics
 from jaxsim.readout import read_sensors
@@ -106,11 +105,19 @@ def step(model: Model, state: State, ctrl: Float[Array, "nu"] | None = None) -> 
     Raises:
       ValueError: an array has the wrong shape.
     """
+    return whole_step(model, state, ctrl).after
+
+
+def whole_step(model: Model, state: State, ctrl: Float[Array, "nu"] | None = None) -> Step:
+    """`step`, and where forces were evaluated last; see `jaxsim.integrate.Step`."""
     _check_shapes(model, state, ctrl)
     now = evaluate(model, state, ctrl)
-    after = integrate(model, state, now.instant(), lambda s: evaluate(model, s, ctrl).instant())
+    found = integrate_step(
+        model, state, now.instant(), lambda s: evaluate(model, s, ctrl).instant()
+    )
     # The warm start changes how fast the solution is found, not the solution.
-    return after.replace(qacc_warmstart=lax.stop_gradient(now.constrained.qacc))
+    warmstart = lax.stop_gradient(now.constrained.qacc)
+    return found.replace(after=found.after.replace(qacc_warmstart=warmstart))
 
 
 def forward(model: Model, state: State, ctrl: Float[Array, "nu"] | None = None) -> Forward:
@@ -176,11 +183,11 @@ def inverse(model: Model, state: State, qacc: Float[Array, "nv"]) -> Float[Array
     _check_shapes(model, state, None)
     smooth = smooth_dynamics(model, state, None)
     scene, contact = constraint_scene(model, state, smooth)
-    blocks = constraint_blocks(scene, contact)
+    found = constrained_at(scene, contact, qacc)
     acceleration = link_accelerations(model, smooth.kin, smooth.vel, qacc)
     force = link_forces(model, smooth.kin, smooth.vel, acceleration)
     needed = generalized_force(model, smooth.kin, force) + dof_armature(model) * qacc
-    return needed - smooth.passive.qfrc_passive - constraint_force(scene, blocks, qacc)
+    return needed - smooth.passive.qfrc_passive - found.qfrc_constraint
 
 
 def rollout(model: Model, state: State, ctrls: Float[Array, "T nu"]) -> tuple[State, State]:

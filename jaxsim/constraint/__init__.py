@@ -2,6 +2,18 @@
 
 from jaxsim.constraint.block import Block
 from jaxsim.constraint.scene import Scene
-from jaxsim.constraint.solve import Constrained, constrained_acceleration, constraint_blocks
+from jaxsim.constraint.solve import (
+    Constrained,
+    constrained_acceleration,
+    constrained_at,
+    constraint_blocks,
+)
 
-__all__ = ["Block", "Constrained", "Scene", "constrained_acceleration", "constraint_blocks"]
+__all__ = [
+    "Block",
+    "Constrained",
+    "Scene",
+    "constrained_acceleration",
+    "constrained_at",
+    "constraint_blocks",
+]

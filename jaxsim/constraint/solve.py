@@ -96,8 +96,29 @@ def constrained_acceleration(
             y_smooth=y_smooth,
         )
         y, status = attach_lifted(found.y, problem, operator, smooth), found.status
-    x = operator.vector(y)
-    forces = problem.forces(operator.rows(y))
+    return _outcome(scene, contact, blocks, operator, y, status)
+
+
+def constrained_at(scene: Scene, contact: Contact, qacc: Float[Array, "nv"]) -> Constrained:
+    """The outcome if the acceleration is known: forces are explicit in it, nothing is solved.
+
+    Args:
+      scene: model, position and velocity.
+      contact: the contacts there.
+      qacc: the acceleration.
+    """
+    blocks = constraint_blocks(scene, contact)
+    operator = make_operator(scene.model, scene.kin, blocks, "articulated")
+    y = operator.lift(to_tree_order(scene.model, qacc))
+    return _outcome(scene, contact, blocks, operator, y, _unconstrained_status(qacc))
+
+
+def _outcome(
+    scene: Scene, contact: Contact, blocks: list[Block], operator: Operator, y, status: SolverStatus
+) -> Constrained:
+    """Forces at a lifted acceleration, in MuJoCo's order."""
+    model, x = scene.model, operator.vector(y)
+    forces = Problem(tuple(block.kind for block in blocks)).forces(operator.rows(y))
     contacts = [f for f, b in zip(forces, blocks, strict=True) if b.name.startswith("contact")]
     return Constrained(
         qacc=from_tree_order(model, x),
@@ -109,20 +130,6 @@ def constrained_acceleration(
         else jnp.zeros((contact.dist.shape[0], 6), x.dtype),
         status=status,
     )
-
-
-def constraint_force(
-    scene: Scene, blocks: list[Block], qacc: Float[Array, "nv"]
-) -> Float[Array, "nv"]:
-    """`J^T f` of the rows at a given acceleration, where the forces are explicit."""
-    model = scene.model
-    if not blocks:
-        return jnp.zeros_like(qacc)
-    operator = make_operator(model, scene.kin, blocks, "articulated")
-    problem = Problem(tuple(block.kind for block in blocks))
-    x = to_tree_order(model, qacc)
-    forces = problem.forces(operator.rows(operator.lift(x)))
-    return from_tree_order(model, _pulled(operator, forces, x))
 
 
 def choose_strategy(model: Model, blocks: list[Block]) -> str:

@@ -1,0 +1,35 @@
+"""Environments for reinforcement learning: `make`, `register`, and what they are made of.
+
+Example:
+  >>> import jax, jaxsim
+  >>> env = jaxsim.envs.make("reacher")
+  >>> keys = jax.random.split(jax.random.key(0), 8)
+  >>> states = jax.jit(jaxsim.vmap(env.reset))(keys)
+  >>> states = jax.jit(jaxsim.vmap(env.step))(states, jax.numpy.zeros((8, env.action_size)))
+"""
+
+from jaxsim.envs.base import Env, EnvState, Task, static
+from jaxsim.envs.moment import Moment
+from jaxsim.envs.registry import Spec, make, names, register, spec
+from jaxsim.envs.start import load_asset, start_from, uniform, uniform_start
+from jaxsim.envs.wrappers import TimeLimit, Wrapper, extended
+
+__all__ = [
+    "Env",
+    "EnvState",
+    "Moment",
+    "Spec",
+    "Task",
+    "TimeLimit",
+    "Wrapper",
+    "extended",
+    "load_asset",
+    "make",
+    "names",
+    "register",
+    "spec",
+    "start_from",
+    "static",
+    "uniform",
+    "uniform_start",
+]

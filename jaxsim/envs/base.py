@@ -1,0 +1,222 @@
+"""What an environment is: `EnvState`, `Env`, and `Task`, from which tasks are made.
+
+A task of one's own is a record that derives from `Task`, about 40 lines:
+
+  @struct.dataclass(kw_only=True)
+  class Balance(Task):
+    model: Model = struct.field(default_factory=lambda: load_asset("inverted_pendulum"))
+    frame_skip: int = static(2)
+    noise: float = 0.01
+
+    def start(self, key):
+      return uniform_start(self.model, key, self.noise)
+
+    def observe(self, now):
+      return jnp.concatenate([now.qpos, now.qvel])
+
+    def reward(self, before, now, action):
+      return 1 - now.qpos[1] ** 2, {}
+
+  jaxsim.envs.register("balance", Balance, max_episode_steps=500)
+"""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from flax import struct
+from jaxtyping import Array, Bool, Float, PRNGKeyArray
+
+from jaxsim.envs.advance import advance
+from jaxsim.envs.moment import Moment
+from jaxsim.model import Model, State
+
+
+@struct.dataclass
+class EnvState:
+    """One environment at one time; batches come from `jaxsim.vmap`.
+
+    Attributes:
+      state: the physics.
+      obs: what the agent sees.
+      reward: of the step that led here.
+      terminated: the task ended here: nothing is to be gained afterwards.
+      truncated: the episode was cut short here: it could have gone on.
+      metrics: terms of the reward and the like; the same keys after reset and step.
+      info: what is carried to the next step by the task and by wrappers; the same keys after reset
+        and step.
+    """
+
+    state: State
+    obs: Float[Array, "n"]
+    reward: Float[Array, ""]
+    terminated: Bool[Array, ""]
+    truncated: Bool[Array, ""]
+    metrics: dict[str, Array]
+    info: dict[str, Any]
+
+    @property
+    def done(self) -> Bool[Array, ""]:
+        """Whether the episode is over, for either reason."""
+        return self.terminated | self.truncated
+
+
+class Env:
+    """An immutable environment: a pytree that holds its model; `reset` and `step` are pure.
+
+    Tasks derive from `Task`, wrappers from `Wrapper`.
+    """
+
+    model: Model
+    frame_skip: int
+
+    def reset(self, key: PRNGKeyArray) -> EnvState:
+        """Start an episode at random."""
+        raise TypeError(f"{type(self).__name__} does not define reset")
+
+    def step(self, state: EnvState, action: Float[Array, "nu"]) -> EnvState:
+        """Act for one step; what happens after the end of an episode is up to the caller."""
+        raise TypeError(f"{type(self).__name__} does not define step")
+
+    def with_model(self, model: Model) -> "Env":
+        """The same environment with other physics."""
+        return self.replace(model=model)
+
+    @property
+    def unwrapped(self) -> "Env":
+        """The task inside all wrappers."""
+        return self
+
+    @property
+    def dt(self) -> Float[Array, ""]:
+        """Time between two actions (s)."""
+        return self.model.opt.timestep * self.frame_skip
+
+    @property
+    def observation_size(self) -> int:
+        """Length of `obs`."""
+        return jax.eval_shape(self.reset, jax.random.key(0)).obs.shape[0]
+
+    @property
+    def action_size(self) -> int:
+        """Length of the action."""
+        return self.model.nu
+
+    @property
+    def action_low(self) -> np.ndarray:
+        """Smallest action that makes a difference; -inf where the model sets no limit."""
+        return self._action_bound(0, -np.inf)
+
+    @property
+    def action_high(self) -> np.ndarray:
+        """Largest action that makes a difference; inf where the model sets no limit."""
+        return self._action_bound(1, np.inf)
+
+    def _action_bound(self, column: int, unlimited: float) -> np.ndarray:
+        bound = np.asarray(self.model.actuator_ctrlrange)[:, column]
+        return np.where(self.model.actuator_ctrllimited, bound, unlimited).astype(bound.dtype)
+
+    replace: Any  # every environment is a flax record
+
+
+@struct.dataclass(kw_only=True)
+class Task(Env):
+    """A task: a model, and what to start from, see and reward. Its fields are its options.
+
+    Attributes:
+      model: the physics.
+      frame_skip: time steps for each action.
+    """
+
+    model: Model
+    frame_skip: int = struct.field(pytree_node=False, default=1)
+
+    def start(self, key: PRNGKeyArray) -> State:
+        """A random state to start from."""
+        raise TypeError(f"{type(self).__name__} does not define start")
+
+    def observe(self, now: Moment) -> Float[Array, "n"]:
+        """What the agent sees."""
+        raise TypeError(f"{type(self).__name__} does not define observe")
+
+    def reward(
+        self, before: dict[str, Any], now: Moment, action: Float[Array, "nu"]
+    ) -> tuple[Any, dict[str, Any]]:
+        """Reward of a step, and its terms by name.
+
+        Args:
+          before: `info` before the step.
+          now: after the step.
+          action: what the agent asked for.
+        """
+        raise TypeError(f"{type(self).__name__} does not define reward")
+
+    def terminated(self, now: Moment) -> Bool[Array, ""]:
+        """Whether the task ends here."""
+        return jnp.zeros((), bool)
+
+    def draw(self, key: PRNGKeyArray) -> dict[str, Any]:
+        """What besides the state is random, say a goal; `now.before` of the reset holds it."""
+        return {}
+
+    def info(self, now: Moment) -> dict[str, Any]:
+        """Numbers to carry to the next step; what was carried before, and is not here, stays."""
+        return {}
+
+    def control(self, action: Float[Array, "nu"]) -> Float[Array, "nu"]:
+        """Controls for an action; the physics clamps them to the actuators' ranges."""
+        return action
+
+    def reset(self, key: PRNGKeyArray) -> EnvState:
+        """Start an episode at random."""
+        state_key, draw_key = jax.random.split(key)
+        return self.reset_to(self.start(state_key), self.draw(draw_key))
+
+    def reset_to(self, state: State, drawn: dict[str, Any] | None = None) -> EnvState:
+        """Start an episode from a given state.
+
+        Args:
+          state: the physics.
+          drawn: what `draw` would have returned.
+        """
+        action = jnp.zeros(self.action_size, state.qpos.dtype)
+        drawn = {} if drawn is None else drawn
+        now = Moment(self.model, state, state, jnp.zeros_like(action), action, drawn)
+        info = {**drawn, **self.info(now)}
+        terms = jax.eval_shape(lambda: self._outcome(info, now, action))[1]
+        return EnvState(
+            state=state,
+            obs=self.observe(now),
+            reward=jnp.zeros((), state.qpos.dtype),
+            terminated=jnp.zeros((), bool),
+            truncated=jnp.zeros((), bool),
+            metrics=jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), terms),
+            info=jax.tree.map(jnp.asarray, info),
+        )
+
+    def step(self, state: EnvState, action: Float[Array, "nu"]) -> EnvState:
+        """Act for `frame_skip` time steps."""
+        ctrl = self.control(action)
+        found = advance(self.model, state.state, ctrl, self.frame_skip)
+        now = Moment(self.model, found.after, found.last, ctrl, action, state.info, found.qacc)
+        reward, metrics = self._outcome(state.info, now, action)
+        return EnvState(
+            state=found.after,
+            obs=self.observe(now),
+            reward=reward,
+            terminated=jnp.asarray(self.terminated(now), bool),
+            truncated=jnp.zeros((), bool),
+            metrics=metrics,
+            info={**state.info, **jax.tree.map(jnp.asarray, self.info(now))},
+        )
+
+    def _outcome(self, before, now: Moment, action):
+        """Reward and metrics as arrays of the model's type."""
+        values = self.reward(before, now, action)
+        return jax.tree.map(lambda x: jnp.asarray(x, now.qpos.dtype), values)
+
+
+def static(default: Any) -> Any:
+    """Field of a task that decides a shape or a branch: a whole number, a flag, a name."""
+    return struct.field(pytree_node=False, default=default)

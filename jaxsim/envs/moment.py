@@ -1,0 +1,138 @@
+"""`Moment`: what a task can look at, under MuJoCo's names."""
+
+from functools import cached_property
+from typing import Any
+
+import jax.numpy as jnp
+from flax import struct
+from jaxtyping import Array, Float
+
+from jaxsim.dynamics import body_forces
+from jaxsim.dynamics.kinematics import Kinematics
+from jaxsim.dynamics.velocity import Velocities
+from jaxsim.model import Model, State
+from jaxsim.pipeline import Evaluation, evaluate, evaluate_at
+from jaxsim.readout import body_wrenches
+
+
+@struct.dataclass
+class Moment:
+    """What MuJoCo's `mjData` holds after `mj_step`, or after `mj_forward` at a reset.
+
+    Positions and velocities are the new ones. Everything derived (`xpos`, `cvel`, ...) is that of
+    the last evaluation of forces: of the state before the last sub-step, or of its fourth stage
+    with Runge-Kutta. Gymnasium's tasks read `mjData` like that, hence so do ours. Derived values
+    are computed when they are asked for, and only then cost anything.
+
+    Attributes:
+      model: the model.
+      state: the state now.
+      last: the state at which forces were evaluated last.
+      ctrl: the controls that acted.
+      action: what the agent asked for; zero at a reset.
+      before: `EnvState.info` before the step; at a reset, what the task's `draw` returned.
+      qacc_last: acceleration in the last evaluation; None at a reset, where nothing has moved yet.
+    """
+
+    model: Model
+    state: State
+    last: State
+    ctrl: Float[Array, "nu"]
+    action: Float[Array, "..."]
+    before: dict[str, Any]
+    qacc_last: Float[Array, "nv"] | None = None
+
+    @property
+    def qpos(self) -> Float[Array, "nq"]:
+        """Positions now."""
+        return self.state.qpos
+
+    @property
+    def qvel(self) -> Float[Array, "nv"]:
+        """Velocities now."""
+        return self.state.qvel
+
+    @cached_property
+    def evaluation(self) -> Evaluation:
+        """The last evaluation of forces; nothing is solved again, except after a reset."""
+        if self.qacc_last is None:
+            return evaluate(self.model, self.last, self.ctrl)
+        return evaluate_at(self.model, self.last, self.ctrl, self.qacc_last)
+
+    @property
+    def kin(self) -> Kinematics:
+        """Kinematics of the last evaluation."""
+        return self.evaluation.smooth.kin
+
+    @property
+    def vel(self) -> Velocities:
+        """Velocities of the links in the last evaluation."""
+        return self.evaluation.smooth.vel
+
+    @property
+    def xpos(self) -> Float[Array, "nbody 3"]:
+        """Positions of the bodies."""
+        return self.kin.xpos
+
+    @property
+    def xquat(self) -> Float[Array, "nbody 4"]:
+        """Orientations of the bodies."""
+        return self.kin.xquat
+
+    @property
+    def xmat(self) -> Float[Array, "nbody 3 3"]:
+        """Orientations of the bodies as matrices."""
+        return self.kin.xmat
+
+    @property
+    def xipos(self) -> Float[Array, "nbody 3"]:
+        """Centres of mass of the bodies."""
+        return self.kin.xipos
+
+    @property
+    def geom_xpos(self) -> Float[Array, "ngeom 3"]:
+        """Positions of the geoms."""
+        return self.kin.geom_xpos
+
+    @property
+    def site_xpos(self) -> Float[Array, "nsite 3"]:
+        """Positions of the sites."""
+        return self.kin.site_xpos
+
+    @property
+    def subtree_com(self) -> Float[Array, "nbody 3"]:
+        """Centres of mass of the bodies' subtrees."""
+        return self.kin.subtree_com
+
+    @property
+    def cinert(self) -> Float[Array, "nbody 10"]:
+        """Inertias of the bodies about the centre of mass of their tree."""
+        return body_forces.cinert(self.model, self.kin)
+
+    @property
+    def cvel(self) -> Float[Array, "nbody 6"]:
+        """Twists of the bodies about the centre of mass of their tree."""
+        return body_forces.cvel(self.model, self.kin, self.vel)
+
+    @property
+    def qfrc_actuator(self) -> Float[Array, "nv"]:
+        """Generalised forces of the actuators."""
+        return self.evaluation.smooth.actuation.qfrc_actuator
+
+    @property
+    def qfrc_constraint(self) -> Float[Array, "nv"]:
+        """Generalised forces of all constraints."""
+        return self.evaluation.constrained.qfrc_constraint
+
+    @property
+    def qacc(self) -> Float[Array, "nv"]:
+        """Acceleration."""
+        return self.evaluation.constrained.qacc
+
+    @property
+    def cfrc_ext(self) -> Float[Array, "nbody 6"]:
+        """External wrenches on the bodies as of `mj_rnePostConstraint`; zero at a reset."""
+        if self.qacc_last is None:
+            return jnp.zeros((self.model.nbody, 6), self.qpos.dtype)
+        wrench = body_wrenches(self.model, self.last, self.evaluation)
+        return body_forces.cfrc_ext(self.model, self.kin, wrench)

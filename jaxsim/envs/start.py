@@ -1,0 +1,58 @@
+"""Models of the tasks, and random states to start from."""
+
+import functools
+import importlib.resources
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from jaxsim.io import load
+from jaxsim.model import Model, State, make_state
+
+
+def load_asset(name: str, **options) -> Model:
+    """The model in `jaxsim/envs/assets/<name>.xml`; loaded once.
+
+    Args:
+      name: name of the file, without `.xml`.
+      options: arguments of `jaxsim.load`.
+    """
+    return _load_asset(name, jax.dtypes.canonicalize_dtype(float).name, **options)
+
+
+@functools.cache
+def _load_asset(name: str, dtype: str, **options) -> Model:
+    with jax.ensure_compile_time_eval():  # a model is never part of a traced program
+        return load(str(importlib.resources.files("jaxsim") / f"envs/assets/{name}.xml"), **options)
+
+
+def uniform(key: PRNGKeyArray, n: int, scale: float | Array) -> Float[Array, "n"]:
+    """`n` numbers, each uniform in (-scale, scale)."""
+    return scale * jax.random.uniform(key, (n,), minval=-1.0, maxval=1.0)
+
+
+def uniform_start(
+    model: Model, key: PRNGKeyArray, scale: float | Array, normal_velocity: bool = False
+) -> State:
+    """Start near `qpos0` and at rest, as most of Gymnasium's tasks do.
+
+    Args:
+      model: the model.
+      key: random key.
+      scale: every position and velocity is uniform in (-scale, scale) about its nominal value.
+      normal_velocity: draw velocities from `scale` times the standard normal distribution instead.
+    """
+    pos_key, vel_key = jax.random.split(key)
+    if normal_velocity:
+        qvel = scale * jax.random.normal(vel_key, (model.nv,))
+    else:
+        qvel = uniform(vel_key, model.nv, scale)
+    qpos = model.qpos0 + uniform(pos_key, model.nq, scale)
+    return start_from(model, qpos, qvel)
+
+
+def start_from(model: Model, qpos: Float[Array, "nq"], qvel: Float[Array, "nv"]) -> State:
+    """A state with the given positions and velocities."""
+    dtype = model.qpos0.dtype
+    return make_state(model).replace(qpos=jnp.asarray(qpos, dtype), qvel=jnp.asarray(qvel, dtype))
