@@ -9,8 +9,9 @@ Example:
 """
 
 from jaxsim.envs.base import Env, EnvState, Task, static
+from jaxsim.envs.bridges import register_gymnasium
 from jaxsim.envs.moment import Moment
-from jaxsim.envs.registry import Spec, make, names, register, spec
+from jaxsim.envs.registry import Spec, make, names, on_register, register, spec
 from jaxsim.envs.start import load_asset, start_from, uniform, uniform_start
 from jaxsim.envs.wrappers import TimeLimit, Wrapper, extended
 
@@ -33,3 +34,5 @@ __all__ = [
     "uniform",
     "uniform_start",
 ]
+
+on_register(register_gymnasium)

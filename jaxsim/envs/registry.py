@@ -3,6 +3,7 @@
 import dataclasses
 import difflib
 import importlib
+from collections.abc import Callable
 
 from jaxsim.envs.base import Env
 from jaxsim.envs.wrappers import TimeLimit
@@ -50,6 +51,7 @@ _BUILT_IN = {
 _SPECS = {
     name: Spec(name, f"jaxsim.envs.{name}:{cls}", steps) for name, (cls, steps) in _BUILT_IN.items()
 }
+_LISTENERS: list[Callable[[str], object]] = []
 _DEFAULT = object()
 
 
@@ -88,6 +90,15 @@ def register(name: str, cls: type, max_episode_steps: int | None = 1000) -> None
     if name in _SPECS and _SPECS[name].load() is not cls:
         raise ValueError(f"there is an environment called {name!r} already; choose another name")
     _SPECS[name] = Spec(name, cls, max_episode_steps)
+    for listener in _LISTENERS:
+        listener(name)
+
+
+def on_register(listener: Callable[[str], object]) -> None:
+    """Call a function with the name of every environment: those there are and those to come."""
+    _LISTENERS.append(listener)
+    for name in names():
+        listener(name)
 
 
 def make(name: str, *, max_episode_steps: int | object | None = _DEFAULT, **options) -> Env:

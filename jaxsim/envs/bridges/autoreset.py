@@ -1,0 +1,97 @@
+"""One step of a batch under each of Gymnasium's autoreset modes."""
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+from flax import struct
+from gymnasium.vector import AutoresetMode
+from jax.sharding import Mesh
+from jaxtyping import Array, Bool, Float
+
+from jaxsim.batch import vmap
+from jaxsim.envs.base import Env
+from jaxsim.envs.bridges.batch import Batch, reset_where, restart, sharded, step_all
+from jaxsim.envs.bridges.spaces import public_info
+
+
+@struct.dataclass
+class Outcome:
+    """What a step tells the user, batch first.
+
+    Attributes:
+      obs: observations of the episodes that go on, or have just begun.
+      reward: rewards of the step.
+      terminated: whether the task ended in this step.
+      truncated: whether time was up in this step.
+      info: metrics that belong to `obs`.
+      final_obs: with SAME_STEP the observations before any reset.
+      final_info: with SAME_STEP the metrics before any reset.
+    """
+
+    obs: Float[Array, "n nobs"]
+    reward: Float[Array, "n"]
+    terminated: Bool[Array, "n"]
+    truncated: Bool[Array, "n"]
+    info: dict[str, Array]
+    final_obs: Any = None
+    final_info: Any = None
+
+
+def start(env: Env, keys: Array) -> Batch:
+    """All environments at the beginning of an episode."""
+    return Batch(*vmap(functools.partial(restart, env))(keys))
+
+
+def next_step(env: Env, batch: Batch, actions, done) -> tuple[Batch, Outcome]:
+    """What ended in the last step restarts in this one, ignoring the action."""
+    stepped = batch.replace(states=step_all(env, batch.states, actions))
+    batch = reset_where(env, stepped, done)
+    return batch, _outcome(batch)
+
+
+def same_step(env: Env, batch: Batch, actions, done) -> tuple[Batch, Outcome]:
+    """What ends restarts at once; the last observation is handed out beside the first."""
+    del done  # nothing is left over from the last step
+    stepped = batch.replace(states=step_all(env, batch.states, actions))
+    last = _outcome(stepped)
+    batch = reset_where(env, stepped, last.terminated | last.truncated)
+    obs, info = batch.states.obs, public_info(batch.states)
+    return batch, last.replace(obs=obs, info=info, final_obs=last.obs, final_info=last.info)
+
+
+def disabled(env: Env, batch: Batch, actions, done) -> tuple[Batch, Outcome]:
+    """The user restarts what has ended."""
+    del done
+    batch = batch.replace(states=step_all(env, batch.states, actions))
+    return batch, _outcome(batch)
+
+
+def _outcome(batch: Batch) -> Outcome:
+    s = batch.states
+    return Outcome(s.obs, s.reward, s.terminated, s.truncated, public_info(s))
+
+
+_MODES: dict[AutoresetMode, Callable] = {
+    AutoresetMode.NEXT_STEP: next_step,
+    AutoresetMode.SAME_STEP: same_step,
+    AutoresetMode.DISABLED: disabled,
+}
+
+
+@functools.cache
+def compiled_start(mesh: Mesh) -> Callable:
+    """`(env, keys) -> Batch` on the devices of the mesh."""
+    return sharded(start, mesh)
+
+
+@functools.cache
+def compiled_reset(mesh: Mesh) -> Callable:
+    """`(env, batch, mask) -> Batch`; the batch given is used up."""
+    return sharded(reset_where, mesh, donate=(1,))
+
+
+@functools.cache
+def compiled_step(mesh: Mesh, mode: AutoresetMode) -> Callable:
+    """`(env, batch, actions, done) -> (Batch, Outcome)`; the batch given is used up."""
+    return sharded(_MODES[mode], mesh, donate=(1,))

@@ -1,0 +1,114 @@
+"""Many environments in one compiled call: all devices, chunks that stay in cache, cheap resets.
+
+Resets are rare: of a thousand environments only a few end in any one step. They are therefore
+not computed for every environment and thrown away, but gathered, a chunk at a time, for as long
+as there are any (`reset_where`).
+
+An environment owns a chain of random keys that starts at its seed. Each reset draws one key from
+the chain, so environment i of a batch has the same episodes as one environment with its seed.
+"""
+
+import functools
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from flax import struct
+from jax import lax
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
+from jaxtyping import Array, Bool, Float
+
+from jaxsim.batch import vmap
+from jaxsim.batch.rollout import chunk_lanes
+from jaxsim.envs.base import Env, EnvState
+
+RESET_LANES = 64  # environments that are reset together
+
+
+@struct.dataclass
+class Batch:
+    """What is carried from step to step; every array has a leading batch axis.
+
+    Attributes:
+      states: the environments.
+      keys: the chain of random keys of each environment.
+    """
+
+    states: EnvState
+    keys: Array
+
+
+def root_keys(seeds: Sequence[int]) -> Array:
+    """The start of each environment's chain of keys, from any non-negative integers."""
+    words = [np.random.SeedSequence(seed).generate_state(1)[0] for seed in seeds]
+    return jax.vmap(jax.random.key)(jnp.asarray(np.array(words, np.uint32)))
+
+
+def restart(env: Env, key: Array) -> tuple[EnvState, Array]:
+    """A fresh episode, and the chain of keys after it."""
+    key, draw = jax.random.split(key)
+    return env.reset(draw), key
+
+
+def reset_where(env: Env, batch: Batch, mask: Bool[Array, "n"]) -> Batch:
+    """Restart the environments in the mask; the cost grows with how many they are."""
+    n = mask.shape[0]
+    size = min(n, RESET_LANES)
+    # Places beyond the last one are written nowhere.
+    places = jnp.nonzero(mask, size=-(-n // size) * size, fill_value=n)[0]
+    count = mask.sum()
+
+    def body(carry):
+        start, batch = carry
+        index = lax.dynamic_slice(places, (start,), (size,))
+        keys = jnp.take(batch.keys, index, mode="clip")
+        fresh = Batch(*vmap(functools.partial(restart, env))(keys))
+        batch = jax.tree.map(lambda x, new: x.at[index].set(new, mode="drop"), batch, fresh)
+        return start + size, batch
+
+    return lax.while_loop(lambda carry: carry[0] < count, body, (jnp.zeros_like(count), batch))[1]
+
+
+def step_all(env: Env, states: EnvState, actions: Float[Array, "n nu"]) -> EnvState:
+    """One step of every environment, on a CPU in chunks that stay in cache."""
+    step = vmap(env.step)
+    n, limit = actions.shape[0], chunk_lanes(env.unwrapped.model)
+    if jax.default_backend() != "cpu" or n <= limit:
+        return step(states, actions)
+    size = max(s for s in range(1, limit + 1) if n % s == 0)
+    if size < limit // 2:  # the batch has no divisor near the best size
+        return step(states, actions)
+    chunks = jax.tree.map(lambda x: x.reshape(n // size, size, *x.shape[1:]), (states, actions))
+    out = lax.map(lambda chunk: step(*chunk), chunks)
+    return jax.tree.map(lambda x: x.reshape(n, *x.shape[2:]), out)
+
+
+def mesh_for(num_envs: int) -> Mesh:
+    """As many devices as divide the batch evenly."""
+    devices = jax.local_devices()
+    count = max(n for n in range(1, len(devices) + 1) if num_envs % n == 0)
+    return Mesh(np.array(devices[:count]), ("batch",))
+
+
+def sharded(f: Callable, mesh: Mesh, donate: tuple[int, ...] = ()) -> Callable:
+    """Compile `f(env, *batched)`, its batched arguments and results split over the mesh."""
+    batch, everywhere = PartitionSpec("batch"), PartitionSpec()
+
+    def program(env, *batched):
+        specs = (everywhere, *(batch for _ in batched))
+        split: Any = jax.shard_map(f, mesh=mesh, in_specs=specs, out_specs=batch, check_vma=False)
+        return split(env, *batched)
+
+    return jax.jit(
+        program,
+        donate_argnums=donate,
+        out_shardings=NamedSharding(mesh, batch),
+        compiler_options=compiler_options(mesh.devices.flat[0].platform),
+    )
+
+
+def compiler_options(platform: str) -> dict[str, Any] | None:
+    """XLA's own threads inside small kernels cost more than they give; devices are our threads."""
+    return {"xla_cpu_multi_thread_eigen": False} if platform == "cpu" else None

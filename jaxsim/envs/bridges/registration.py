@@ -1,0 +1,34 @@
+"""Gymnasium's registry: `half_cheetah` becomes `jaxsim/HalfCheetah-v0`."""
+
+import gymnasium
+
+from jaxsim.envs import registry
+
+_SINGLE = "jaxsim.envs.bridges.single:GymnasiumEnv"
+_VECTOR = "jaxsim.envs.bridges.vector:GymnasiumVectorEnv"
+
+
+def gymnasium_id(name: str) -> str:
+    """The identifier under which Gymnasium knows an environment."""
+    return f"jaxsim/{''.join(part[:1].upper() + part[1:] for part in name.split('_'))}-v0"
+
+
+def register_gymnasium(name: str) -> str:
+    """Tell Gymnasium about an environment; repeated calls change nothing.
+
+    Args:
+      name: of an environment of `jaxsim.envs`; the bundled ones are registered already.
+
+    Returns:
+      Its identifier, for `gymnasium.make` and `gymnasium.make_vec`.
+    """
+    identifier = gymnasium_id(name)
+    if identifier not in gymnasium.registry:
+        gymnasium.register(
+            identifier,
+            entry_point=_SINGLE,
+            vector_entry_point=_VECTOR,
+            max_episode_steps=registry.spec(name).max_episode_steps,
+            kwargs={"env": name},
+        )
+    return identifier

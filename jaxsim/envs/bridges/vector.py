@@ -1,0 +1,206 @@
+"""`gymnasium.make_vec("jaxsim/Ant-v0", num_envs=4096)`: a batch behind Gymnasium's `VectorEnv`."""
+
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import gymnasium
+import jax
+import jax.numpy as jnp
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from jaxsim.envs.base import Env, EnvState
+from jaxsim.envs.bridges import autoreset, batch, render
+from jaxsim.envs.bridges.spaces import action_space, observation_space, public_info, vector_info
+from jaxsim.envs.registry import make
+
+
+class GymnasiumVectorEnv(VectorEnv):
+    """Many environments with Gymnasium's vector interface, simulated in one compiled call.
+
+    The batch is split over all of JAX's devices that divide it. A CPU is one device unless it
+    is told otherwise before JAX starts: `jax.config.update("jax_num_cpu_devices", cores)`.
+
+    Attributes:
+      env: the environment of `jaxsim.envs`, time limit included.
+      states: the batch of `EnvState`, on the devices.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 50}
+
+    def __init__(
+        self,
+        env: Env | str,
+        num_envs: int = 1,
+        *,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        max_episode_steps: int | None = None,
+        render_mode: str | None = None,
+        width: int = 480,
+        height: int = 480,
+        camera: int | str | None = None,
+        **options: Any,
+    ):
+        """Wrap an environment, or make one.
+
+        Args:
+          env: an environment, or the name of a registered one.
+          num_envs: how many of it.
+          autoreset_mode: what happens after an episode's end: the next step resets
+            (NEXT_STEP), the same step does and its last observation is in `infos["final_obs"]`
+            (SAME_STEP), or the user does by `reset(options={"reset_mask": mask})` (DISABLED).
+          max_episode_steps: time limit, where the environment is given by name; None for none.
+          render_mode: "rgb_array" or None.
+          width: of rendered frames, in pixels.
+          height: of rendered frames, in pixels.
+          camera: name or number of a camera; -1 for a free one; by default the one called "track".
+          **options: the fields of the environment, where it is given by name.
+
+        Raises:
+          ValueError: num_envs is not positive, or there is no such mode.
+        """
+        if num_envs < 1:
+            raise ValueError(f"num_envs must be positive, got {num_envs}")
+        if isinstance(env, str):
+            env = make(env, max_episode_steps=max_episode_steps, **options)
+        self.env, self.num_envs = env, num_envs
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.render_mode = render.checked_mode(render_mode)
+        fps = round(1 / float(env.dt))
+        self.metadata = {**self.metadata, "render_fps": fps, "autoreset_mode": self.autoreset_mode}
+        self.single_observation_space = observation_space(env)
+        self.single_action_space = action_space(env)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._mesh = batch.mesh_for(num_envs)
+        self._batch: batch.Batch | None = None
+        self._done = np.zeros(num_envs, bool)
+        self._frames = render.frames(env, width, height, camera) if render_mode else None
+
+    @property
+    def states(self) -> EnvState | None:
+        """The environments' states, every array with a leading batch axis."""
+        return None if self._batch is None else self._batch.states
+
+    def reset(
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ):
+        """Start episodes.
+
+        Args:
+          seed: of each environment; an integer means seed, seed + 1, ...; None continues.
+          options: `{"reset_mask": mask}` restarts only the environments in a boolean mask.
+
+        Returns:
+          Observations of all environments and the infos of those that were restarted.
+
+        Raises:
+          TypeError: the mask is no array of booleans.
+          ValueError: the mask or the seeds do not fit the number of environments.
+        """
+        super().reset(seed=seed if isinstance(seed, int) else None)
+        mask = _checked_mask((options or {}).get("reset_mask"), self.num_envs)
+        if self._batch is None and not mask.all():
+            raise gymnasium.error.ResetNeeded("the first reset() must be of all environments")
+        keys = self._keys(seed, mask)
+        if self._batch is None or mask.all():
+            fresh = autoreset.compiled_start(self._mesh)(self.env, keys)
+        else:
+            old = self._batch.replace(keys=keys)
+            fresh = autoreset.compiled_reset(self._mesh)(self.env, old, mask)
+        self._batch, self._done = fresh, self._done & ~mask
+        obs, info = jax.device_get((fresh.states.obs, public_info(fresh.states)))
+        return np.array(obs), vector_info(info, mask)
+
+    def _keys(self, seed: int | Sequence[int | None] | None, mask: np.ndarray) -> jax.Array:
+        """Chains of keys, begun anew where a seed is given or nothing was begun before."""
+        n = self.num_envs
+        seeds = [seed + i for i in range(n)] if isinstance(seed, int) else list(seed or [None] * n)
+        if len(seeds) != n:
+            raise ValueError(f"reset needs {n} seeds, one for each environment, got {len(seeds)}")
+        if self._batch is None:
+            drawn = self.np_random.integers(2**32, size=n)
+            seeds = [int(d) if s is None else s for s, d in zip(seeds, drawn, strict=True)]
+            return batch.root_keys(seeds)
+        given = np.array([s is not None for s in seeds]) & mask
+        if not given.any():
+            return self._batch.keys
+        fresh = batch.root_keys([s or 0 for s in seeds])
+        return jnp.where(given, fresh, self._batch.keys)
+
+    def step(self, actions):
+        """One step of every environment.
+
+        Args:
+          actions: controls, shape (num_envs, action size).
+
+        Returns:
+          Observations, rewards, terminations, truncations and infos; see `autoreset_mode`.
+
+        Raises:
+          gymnasium.error.ResetNeeded: `reset` was never called, or, with DISABLED, not for an
+            environment that has ended.
+        """
+        if self._batch is None:
+            raise gymnasium.error.ResetNeeded("call reset() before step()")
+        if self.autoreset_mode is AutoresetMode.DISABLED and self._done.any():
+            raise gymnasium.error.ResetNeeded(
+                f"environments {np.flatnonzero(self._done)[:10].tolist()} have ended: call "
+                'reset(options={"reset_mask": mask}) first'
+            )
+        actions = np.asarray(actions, np.float32).reshape(self.action_space.shape)
+        program = autoreset.compiled_step(self._mesh, self.autoreset_mode)
+        self._batch, outcome = program(self.env, self._batch, actions, self._done)
+        return self._told(outcome)
+
+    def _told(self, outcome: autoreset.Outcome):
+        """The outcome on the host, in Gymnasium's format; last observations only if any."""
+        now = jax.device_get(outcome.replace(final_obs=None, final_info=None))
+        terminated, truncated = np.array(now.terminated), np.array(now.truncated)
+        self._done = terminated | truncated
+        infos = {}
+        if outcome.final_obs is not None and self._done.any():
+            final_obs, final_info = jax.device_get((outcome.final_obs, outcome.final_info))
+            infos = vector_info(_final(final_obs, final_info, self._done), self._done)
+            self._done = np.zeros_like(self._done)
+        infos |= vector_info(now.info, np.ones_like(terminated))
+        return np.array(now.obs), np.array(now.reward, float), terminated, truncated, infos
+
+    def render(self) -> tuple[np.ndarray, ...] | None:
+        """One frame of every environment, or None without a render mode."""
+        if self._frames is None or self._batch is None:
+            return None
+        states = jax.device_get(self._batch.states.state)
+        each = (jax.tree.map(lambda x, i=i: x[i], states) for i in range(self.num_envs))
+        return tuple(self._frames.frame(state) for state in each)
+
+    def close_extras(self, **_: Any) -> None:
+        """Free the renderer."""
+        if self._frames is not None:
+            self._frames.close()
+
+
+def _checked_mask(mask, num_envs: int) -> np.ndarray:
+    if mask is None:
+        return np.ones(num_envs, bool)
+    if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
+        kind = mask.dtype if isinstance(mask, np.ndarray) else type(mask).__name__
+        raise TypeError(f"reset_mask must be a numpy array of booleans, got {kind}")
+    if mask.shape != (num_envs,) or not mask.any():
+        raise ValueError(
+            f"reset_mask must have shape ({num_envs},) and a True in it, got shape {mask.shape} "
+            f"with {mask.sum()} True"
+        )
+    return mask
+
+
+def _final(obs: np.ndarray, info: dict[str, np.ndarray], done: np.ndarray) -> dict[str, Any]:
+    """Last observations as Gymnasium has them: one array, or None, for each environment."""
+    last = np.full(len(done), None, object)
+    for i in np.flatnonzero(done):
+        last[i] = obs[i].copy()
+    return {"final_obs": last, "final_info": vector_info(info, done)}
