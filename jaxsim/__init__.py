@@ -22,9 +22,9 @@ __version__ = "0.1.0"
 
 
 def __getattr__(name: str):
-    """Import `jaxsim.envs` when it is first used."""
-    if name == "envs":
-        return importlib.import_module("jaxsim.envs")
+    """Import `jaxsim.envs` and `jaxsim.rl` when they are first used."""
+    if name in ("envs", "rl"):
+        return importlib.import_module(f"jaxsim.{name}")
     raise AttributeError(f"module 'jaxsim' has no attribute {name!r}")
 
 

@@ -1,0 +1,26 @@
+"""Reinforcement learning on thousands of environments at once.
+
+Example:
+  >>> import jaxsim
+  >>> result = jaxsim.rl.train("inverted_pendulum", progress=True)
+  >>> result.evaluations[-1]["eval_return"]
+  >>> action = result.policy(obs)
+"""
+
+from jaxsim.rl.algorithm import Algorithm
+from jaxsim.rl.config import ConfigError
+from jaxsim.rl.driver import ALGORITHMS, Result, resolve, train
+from jaxsim.rl.evaluate import Evaluation, evaluate
+from jaxsim.rl.networks import Policy
+
+__all__ = [
+    "ALGORITHMS",
+    "Algorithm",
+    "ConfigError",
+    "Evaluation",
+    "Policy",
+    "Result",
+    "evaluate",
+    "resolve",
+    "train",
+]

@@ -1,0 +1,165 @@
+"""Experience: many environments stepped by a policy, in chunks that stay in a CPU's cache."""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from flax import struct
+from jax import lax
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxsim.batch import vmap
+from jaxsim.batch.rollout import chunk_lanes
+from jaxsim.envs import Env, EnvState
+from jaxsim.rl.distributed import AXIS
+
+
+@struct.dataclass
+class Actors:
+    """Environments in the middle of their episodes; all leaves have the environments in front.
+
+    Attributes:
+      env: states of the environments.
+      episode_return: rewards of the present episode so far.
+      episode_length: steps of the present episode so far.
+    """
+
+    env: EnvState
+    episode_return: Float[Array, "n"]
+    episode_length: Int[Array, "n"]
+
+
+@struct.dataclass
+class Experience:
+    """Steps of environments, time first: leaves are (T, n, ...).
+
+    Attributes:
+      obs: observation on which the action was chosen.
+      action: the action in the environment's units.
+      extras: what else the policy gave with the action, such as its log probability.
+      reward: reward of the step.
+      next_obs: observation after the step, also where a new episode then began.
+      terminated: the episode ended with this step.
+      truncated: the episode was cut short after this step.
+    """
+
+    obs: Float[Array, "T n obs"]
+    action: Float[Array, "T n nu"]
+    extras: Any
+    reward: Float[Array, "T n"]
+    next_obs: Float[Array, "T n obs"]
+    terminated: Bool[Array, "T n"]
+    truncated: Bool[Array, "T n"]
+
+
+@struct.dataclass
+class Episodes:
+    """Sums over the episodes that ended, and over environments that had to be repaired.
+
+    Attributes:
+      returns: sum of the returns.
+      lengths: sum of the lengths in steps.
+      count: number of episodes.
+      nonfinite: number of environments that were reset because of a NaN or an infinity.
+    """
+
+    returns: Float[Array, ""]
+    lengths: Float[Array, ""]
+    count: Float[Array, ""]
+    nonfinite: Float[Array, ""]
+
+    def metrics(self) -> dict[str, Array]:
+        """Means over the episodes of all devices; NaN if none has ended."""
+        total = lax.psum(self, AXIS)
+        return {
+            "episode_return": total.returns / total.count,
+            "episode_length": total.lengths / total.count,
+            "episodes": total.count,
+            "nonfinite": total.nonfinite,
+        }
+
+
+# From observations (n, obs) and a key to actions (n, nu) and extras.
+Act = Callable[[Float[Array, "n obs"], Any], tuple[Float[Array, "n nu"], Any]]
+
+
+def start_actors(env: Env, keys) -> Actors:
+    """Reset one environment for each key."""
+    state = vmap(env.reset)(keys)
+    zeros = jnp.zeros_like(state.reward)
+    return Actors(state, zeros, zeros.astype(int))
+
+
+def collect(
+    env: Env, act: Act, actors: Actors, key, steps: int
+) -> tuple[Actors, Experience, Episodes]:
+    """Take `steps` steps in every environment.
+
+    Args:
+      env: the environment, with `AutoReset`.
+      act: chooses actions.
+      actors: where the environments are.
+      key: random numbers for `act`.
+      steps: steps of each environment, T.
+
+    Returns:
+      Where the environments are then, what happened, and which episodes ended meanwhile.
+    """
+    count = actors.episode_return.shape[0]
+    lanes = lanes_of(env, count)
+
+    def chunk(args):
+        actors, key = args
+        return lax.scan(lambda a, k: _step(env, act, a, k), actors, jax.random.split(key, steps))
+
+    if lanes == count:
+        actors, (experience, episodes) = chunk((actors, key))
+    else:
+        keys = jax.random.split(key, count // lanes)
+        split = jax.tree.map(lambda x: x.reshape(-1, lanes, *x.shape[1:]), actors)
+        actors, (experience, episodes) = lax.map(chunk, (split, keys))
+        actors = jax.tree.map(lambda x: x.reshape(count, *x.shape[2:]), actors)
+        experience = jax.tree.map(_join_chunks, experience)
+    return actors, experience, jax.tree.map(jnp.sum, episodes)
+
+
+def lanes_of(env: Env, count: int) -> int:
+    """How many of `count` environments to step together: all, or on a CPU what its cache holds."""
+    if jax.default_backend() != "cpu":
+        return count
+    limit = min(count, chunk_lanes(env.unwrapped.model))
+    return max(n for n in range(1, limit + 1) if count % n == 0)
+
+
+def _step(env: Env, act: Act, actors: Actors, key) -> tuple[Actors, tuple[Experience, Episodes]]:
+    """One step of the environments of a chunk."""
+    before = actors.env
+    action, extras = act(before.obs, key)
+    after = vmap(env.step)(before, action)
+    done = after.terminated | after.truncated
+    experience = Experience(
+        obs=before.obs,
+        action=action,
+        extras=extras,
+        reward=after.reward,
+        next_obs=after.info["terminal_obs"],
+        terminated=after.terminated,
+        truncated=after.truncated,
+    )
+    returns = actors.episode_return + after.reward
+    lengths = actors.episode_length + 1
+    episodes = Episodes(
+        returns=jnp.where(done, returns, 0).sum(),
+        lengths=jnp.where(done, lengths, 0).sum().astype(returns.dtype),
+        count=done.sum().astype(returns.dtype),
+        nonfinite=after.metrics["nonfinite"].sum().astype(returns.dtype),
+    )
+    actors = Actors(after, jnp.where(done, 0, returns), jnp.where(done, 0, lengths))
+    return actors, (experience, episodes)
+
+
+def _join_chunks(x):
+    """(chunks, T, lanes, ...) to (T, chunks * lanes, ...)."""
+    x = jnp.swapaxes(x, 0, 1)
+    return x.reshape(x.shape[0], -1, *x.shape[3:])

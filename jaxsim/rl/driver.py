@@ -1,0 +1,211 @@
+"""`train`: runs a trainer on all devices, with logs, evaluations and checkpoints."""
+
+import contextlib
+import dataclasses
+import importlib
+import pathlib
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jax.sharding import Mesh
+
+from jaxsim import envs
+from jaxsim.rl import config, distributed, metrics
+from jaxsim.rl.algorithm import Algorithm
+from jaxsim.rl.checkpoint import Checkpoints, clear, write_run
+from jaxsim.rl.distributed import Training
+from jaxsim.rl.interrupts import Interrupts
+from jaxsim.rl.networks import Policy
+from jaxsim.rl.programs import Programs, compile_all
+
+# Each module has a dataclass `Config` and `make(env, config, devices) -> Algorithm`.
+ALGORITHMS = {name: f"jaxsim.rl.{name}" for name in ("ppo", "sac", "apg", "shac")}
+
+
+@dataclasses.dataclass(frozen=True)
+class Result:
+    """What a training leaves.
+
+    Attributes:
+      policy: the trained policy; `policy(obs)` is its deterministic action.
+      history: one row of numbers for each epoch: "steps", "seconds" since the call of `train`
+        (compilation included), "episode_return", and "eval_return" where it was evaluated.
+      training: everything that training would carry on with.
+      interrupted: whether a signal ended it early.
+      directory: where logs and checkpoints are, if any were asked for.
+    """
+
+    policy: Policy
+    history: list[metrics.Row]
+    training: Training
+    interrupted: bool = False
+    directory: pathlib.Path | None = None
+
+    @property
+    def evaluations(self) -> list[metrics.Row]:
+        """The rows with an evaluation."""
+        return [row for row in self.history if "eval_return" in row]
+
+
+def train(
+    env: str | envs.Env,
+    algorithm: str = "ppo",
+    settings: Any = None,
+    *,
+    overrides: Sequence[str] = (),
+    seed: int = 0,
+    directory: str | pathlib.Path | None = None,
+    resume: bool = False,
+    progress: bool = False,
+    mesh: Mesh | None = None,
+) -> Result:
+    """Train a policy on all devices.
+
+    An interrupt (Ctrl-C) ends training after the present epoch, with everything saved; a second
+    one ends it at once.
+
+    Args:
+      env: name of an environment, or an environment (without `AutoReset`).
+      algorithm: "ppo", "sac", "apg" or "shac".
+      settings: a `Config` of the algorithm, a mapping or a YAML file with some of its fields; by
+        default the tuned settings that come with jaxsim, where there are any.
+      overrides: assignments such as `policy.hidden=[128,128]` on top of them.
+      seed: of everything random.
+      directory: where to write logs and checkpoints; nothing is written by default.
+      resume: carry on from the newest checkpoint in `directory`, if there is one.
+      progress: show a progress bar.
+      mesh: the devices to use; all by default.
+
+    Returns:
+      The policy and how it came about.
+
+    Raises:
+      ConfigError: a setting does not exist or makes no sense.
+      KeyError: no environment or algorithm has this name.
+    """
+    run = _Run(env, algorithm, resolve(env, algorithm, settings, overrides), seed, mesh)
+    return run.go(None if directory is None else pathlib.Path(directory), resume, progress)
+
+
+def resolve(
+    env: str | envs.Env, algorithm: str, settings: Any = None, overrides: Sequence[str] = ()
+) -> config.TrainConfig:
+    """The settings of a training; arguments and errors as for `train`."""
+    cls = module(algorithm).Config
+    if settings is None:
+        settings = config.find(algorithm, env) if isinstance(env, str) else None
+        settings = {} if settings is None else settings
+    if isinstance(settings, str | pathlib.Path):
+        settings = config.read(pathlib.Path(settings))
+    if isinstance(settings, Mapping):
+        settings = config.build(cls, settings)
+    if not isinstance(settings, cls):
+        raise config.ConfigError(
+            f"settings of {algorithm} must be a mapping, a file or a {cls.__module__}.Config, "
+            f"got {settings!r}"
+        )
+    return config.override(settings, overrides)
+
+
+def module(algorithm: str) -> Any:
+    """The module of an algorithm.
+
+    Raises:
+      ConfigError: there is no such algorithm.
+    """
+    if algorithm not in ALGORITHMS:
+        raise config.ConfigError(config.unknown("algorithm", algorithm, algorithm, ALGORITHMS))
+    return importlib.import_module(ALGORITHMS[algorithm])
+
+
+def make_env(env: str | envs.Env, settings: config.TrainConfig) -> envs.Env:
+    """The environment to evaluate in: a given one, or one of this name with the options set."""
+    return envs.make(env, **settings.env_options) if isinstance(env, str) else env
+
+
+class _Run:
+    """One training: what it is about, how far it is, and where its results go."""
+
+    def __init__(self, env, name: str, settings: config.TrainConfig, seed: int, mesh: Mesh | None):
+        self.started = time.perf_counter()
+        self.mesh = distributed.device_mesh() if mesh is None else mesh
+        self.settings, self.seed = settings, seed
+        self.title = f"{name} on {env if isinstance(env, str) else type(env.unwrapped).__name__}"
+        self.env = make_env(env, settings)
+        self.algorithm: Algorithm = module(name).make(
+            envs.AutoReset(self.env), settings, self.mesh.size
+        )
+        self.record = {"env": env, "algorithm": name, "seed": seed} | dataclasses.asdict(settings)
+        self.steps = 0
+        self.history: list[metrics.Row] = []
+
+    def go(self, directory: pathlib.Path | None, resume: bool, progress: bool) -> Result:
+        """Compile, train, save."""
+        programs = compile_all(self.env, self.algorithm, self.seed, self.mesh)
+        with contextlib.ExitStack() as stack:
+            store = None
+            if directory is not None:
+                store = self._open(directory, resume)
+                stack.callback(store.close)
+            training = self._begin(programs, store)
+            outputs = self._outputs(directory, progress)
+            for output in outputs:
+                stack.callback(output.close)
+            interrupts = stack.enter_context(Interrupts())
+            training = self._loop(programs, training, interrupts, store, outputs)
+        policy = jax.tree.map(jnp.asarray, jax.device_get(self.algorithm.policy(training.learner)))
+        return Result(policy, self.history, training, interrupts.seen, directory)
+
+    def _loop(self, programs: Programs, training, interrupts, store, outputs) -> Training:
+        done = self.steps >= self.settings.total_steps
+        while not done:
+            training, numbers = programs.epoch(training)
+            row = {name: float(value) for name, value in numbers.items()}
+            due = self._advance()
+            done = interrupts.seen or self.steps >= self.settings.total_steps
+            if due and not interrupts.seen:
+                row |= programs.evaluate(training.learner).metrics()
+                target = self.settings.target
+                done |= target is not None and row["eval_return"] >= target
+            row = {"steps": self.steps, "seconds": time.perf_counter() - self.started} | row
+            self.history.append(row)
+            for output in outputs:
+                output.write(row)
+            if store is not None and (due or done):
+                policy = self.algorithm.policy(training.learner)
+                store.save(self.steps, training, policy, {"seconds": row["seconds"]})
+        return training
+
+    def _advance(self) -> bool:
+        """Count an epoch; whether an evaluation is due."""
+        total, evaluations = self.settings.total_steps, self.settings.evaluations
+        before, self.steps = self.steps, self.steps + self.algorithm.steps_per_epoch
+        slot = lambda steps: min(steps, total) * evaluations // total  # noqa: E731
+        return slot(self.steps) > slot(before)
+
+    def _begin(self, programs: Programs, store: Checkpoints | None) -> Training:
+        """The newest checkpoint, or a new training."""
+        if store is None or store.latest() is None:
+            return programs.start()
+        training, progress = store.restore(programs.template)
+        self.steps = store.latest() or 0
+        self.started -= progress["seconds"]
+        return training
+
+    def _open(self, directory: pathlib.Path, resume: bool) -> Checkpoints:
+        if distributed.is_main():
+            if not resume:
+                clear(directory)
+            write_run(directory, self.record)
+        return Checkpoints(directory)
+
+    def _outputs(self, directory: pathlib.Path | None, progress: bool) -> list[Any]:
+        """Where rows go; only one process writes."""
+        if not distributed.is_main():
+            return []
+        logs = [] if directory is None else [metrics.Logs(directory)]
+        bar = [metrics.Bar(self.title, self.settings.total_steps, self.steps)] if progress else []
+        return logs + bar

@@ -1,0 +1,87 @@
+"""Running mean and variance of what an agent sees, merged over devices."""
+
+import jax
+import jax.numpy as jnp
+from flax import struct
+from jax import lax
+from jaxtyping import Array, Bool, Float
+
+LIMIT = 10.0  # standard deviations beyond which a normalised number is clipped
+
+
+@struct.dataclass
+class RunningStatistics:
+    """Mean and variance of all samples so far.
+
+    Attributes:
+      count: number of samples.
+      mean: their mean.
+      variance: their variance, divided by `count`.
+    """
+
+    count: Float[Array, ""]
+    mean: Float[Array, "..."]
+    variance: Float[Array, "..."]
+
+    @classmethod
+    def start(cls, shape: tuple[int, ...]) -> "RunningStatistics":
+        """No samples yet: mean 0, variance 1."""
+        return cls(jnp.zeros(()), jnp.zeros(shape), jnp.ones(shape))
+
+    def update(
+        self, samples: Float[Array, "n ..."], axis_name: str | None = None
+    ) -> "RunningStatistics":
+        """Include samples, those of all devices along `axis_name`.
+
+        Two sets are merged by Chan's formula: with d the difference of the means and w the
+        fraction of the new samples, mean = m + w d and
+        variance = (1 - w) v + w v_new + w (1 - w) d^2. Samples that are not finite count as the
+        present mean.
+        """
+        samples = jnp.where(jnp.isfinite(samples), samples, self.mean[None])
+        count = jnp.asarray(samples.shape[0], self.count.dtype)
+        mean = samples.mean(0)
+        if axis_name is not None:
+            mean, count = lax.pmean(mean, axis_name), lax.psum(count, axis_name)
+        variance = jnp.square(samples - mean[None]).mean(0)
+        if axis_name is not None:
+            variance = lax.pmean(variance, axis_name)
+        total = self.count + count
+        w, d = count / total, mean - self.mean
+        merged = (1 - w) * self.variance + w * variance + w * (1 - w) * d**2
+        return RunningStatistics(total, self.mean + w * d, merged)
+
+    def normalize(self, x: Float[Array, "..."]) -> Float[Array, "..."]:
+        """(x - mean) / std, clipped to +-10; a constant becomes 0."""
+        std = jnp.sqrt(self.variance + 1e-6)
+        mean, std = (jnp.broadcast_to(s, x.shape) for s in (self.mean, std))
+        return jnp.clip((x - mean) / std, -LIMIT, LIMIT)
+
+
+def discounted_returns(
+    before: Float[Array, "n"],
+    rewards: Float[Array, "T n"],
+    done: Bool[Array, "T n"],
+    discount: float,
+) -> tuple[Float[Array, "n"], Float[Array, "T n"]]:
+    """Discounted sums of the rewards so far, whose deviation is the scale of a reward.
+
+    g_t = r_t + discount g_{t-1}, where g_{t-1} is 0 at the start of an episode. Dividing by the
+    deviation of g makes returns of about one, whatever the task's units.
+
+    Args:
+      before: g of the step before the first; 0 for new episodes.
+      rewards: rewards of the steps.
+      done: whether the episode ended with a step.
+      discount: factor per step.
+
+    Returns:
+      What `before` is for the next steps, and g of all steps.
+    """
+
+    def body(g, step):
+        reward, done = step
+        g = reward + discount * g
+        return jnp.where(done, 0, g), g
+
+    return jax.lax.scan(body, before, (rewards, done))

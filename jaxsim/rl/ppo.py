@@ -1,0 +1,343 @@
+"""Proximal policy optimisation (Schulman et al. 2017), for many environments on all devices.
+
+One epoch: every environment takes `unroll` steps with the present policy; advantages come from
+generalised advantage estimation; then the policy and the value function are fitted by stochastic
+gradients on shuffled minibatches, `passes` times over. All of it is one compiled program, in
+which each device works on its own environments and gradients are averaged.
+"""
+
+import dataclasses
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import optax
+from flax import struct
+from jax import lax
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Float
+
+from jaxsim.envs import Env
+from jaxsim.rl.algorithm import Algorithm
+from jaxsim.rl.collect import Actors, Experience, collect, start_actors
+from jaxsim.rl.config import ConfigError, NetworkConfig, TrainConfig
+from jaxsim.rl.distributed import AXIS
+from jaxsim.rl.gae import advantages
+from jaxsim.rl.networks import ActionRange, Gaussian, GaussianPolicy, Policy, Value
+from jaxsim.rl.normalize import LIMIT, RunningStatistics, discounted_returns
+
+
+@dataclasses.dataclass(frozen=True)
+class Config(TrainConfig):
+    """Settings of PPO.
+
+    Attributes:
+      unroll: steps of each environment in one epoch.
+      minibatches: gradient steps of one pass over the data of an epoch.
+      passes: how often the data of an epoch are used.
+      discount: factor per step of the return.
+      decay: lambda of the advantage estimation: 1 trusts returns, 0 the value function.
+      clip: the ratio of new to old probability has no effect beyond 1 +- clip.
+      learning_rate: step size of Adam at the start.
+      schedule: "linear" to zero at `total_steps`, "constant", or "kl": raised or lowered after
+        each gradient step to keep the policy's change near `target_kl`.
+      target_kl: divergence between new and old policy (nats) that "kl" aims at.
+      max_grad_norm: longer gradients are scaled down to this norm.
+      entropy: weight of the entropy bonus.
+      value_weight: weight of the value function's squared error.
+      normalize_obs: subtract the running mean of the observations, divide by their deviation.
+      normalize_reward: divide rewards by the running deviation of the discounted returns.
+      reward_scale: factor on the rewards that the learner sees.
+      initial_std: deviation of the actions before training, in halves of the action range.
+      policy: network of the policy.
+      value: network of the value function.
+    """
+
+    unroll: int = 32
+    minibatches: int = 8
+    passes: int = 4
+    discount: float = 0.99
+    decay: float = 0.95
+    clip: float = 0.2
+    learning_rate: float = 3e-4
+    schedule: str = "linear"
+    target_kl: float = 0.01
+    max_grad_norm: float = 1.0
+    entropy: float = 0.0
+    value_weight: float = 0.5
+    normalize_obs: bool = True
+    normalize_reward: bool = True
+    reward_scale: float = 1.0
+    initial_std: float = 1.0
+    policy: NetworkConfig = dataclasses.field(default_factory=NetworkConfig)
+    value: NetworkConfig = dataclasses.field(default_factory=NetworkConfig)
+
+
+@struct.dataclass
+class Learner:
+    """What PPO learns; the same on all devices.
+
+    Attributes:
+      params: parameters of "policy" and "value".
+      optimizer: state of Adam.
+      learning_rate: present step size.
+      obs: statistics of the observations.
+      returns: statistics of the discounted returns, which scale the rewards.
+      key: random numbers of the epochs to come.
+      epoch: epochs so far.
+    """
+
+    params: dict[str, Any]
+    optimizer: optax.OptState
+    learning_rate: Float[Array, ""]
+    obs: RunningStatistics
+    returns: RunningStatistics
+    key: Any
+    epoch: Any
+
+
+@struct.dataclass
+class PPOActors:
+    """Environments, and the discounted sums of their rewards (for the scale of rewards)."""
+
+    envs: Actors
+    discounted: Float[Array, "n"]
+
+
+@struct.dataclass
+class Sample:
+    """What the loss needs to know of a step; leaves have the samples in front.
+
+    Attributes:
+      obs: normalised observation.
+      action: action of the network.
+      old: the distribution that it was drawn from.
+      log_prob: its log probability then.
+      advantage: estimated advantage, of mean 0 and deviation 1.
+      target: return that the value function should have predicted.
+    """
+
+    obs: Float[Array, "n obs"]
+    action: Float[Array, "n nu"]
+    old: Gaussian
+    log_prob: Float[Array, "n"]
+    advantage: Float[Array, "n"]
+    target: Float[Array, "n"]
+
+
+def make(env: Env, config: Config, devices: int) -> Algorithm:
+    """PPO on an environment (with `AutoReset`), on this many devices."""
+    _check(config, devices)
+    ppo = PPO(env, config)
+    return Algorithm(
+        config=config,
+        init=ppo.init,
+        start=ppo.start,
+        epoch=ppo.epoch,
+        policy=ppo.policy,
+        steps_per_epoch=config.envs * config.unroll,
+    )
+
+
+class PPO:
+    """The algorithm as functions for one device, with its environment, settings and networks."""
+
+    def __init__(self, env: Env, config: Config):
+        self.env, self.config = env, config
+        self.scale = ActionRange.of(env)
+        self.network = GaussianPolicy(
+            env.action_size, config.policy.hidden, config.policy.activation, config.initial_std
+        )
+        self.value = Value(config.value.hidden, config.value.activation)
+        # Flattened, the update of all parameters is a few vector operations.
+        self.adam = optax.flatten(
+            optax.chain(
+                optax.clip_by_global_norm(config.max_grad_norm), optax.scale_by_adam(eps=1e-5)
+            )
+        )
+        self.epochs = max(1, config.total_steps // (config.envs * config.unroll))
+
+    def init(self, key) -> Learner:
+        """Parameters before training."""
+        key, policy, value = jax.random.split(key, 3)
+        obs = jnp.zeros(self.env.observation_size)
+        params = {
+            "policy": self.network.init(policy, obs),
+            "value": self.value.init(value, obs),
+        }
+        return Learner(
+            params=params,
+            optimizer=self.adam.init(params),
+            learning_rate=jnp.asarray(self.config.learning_rate, float),
+            obs=RunningStatistics.start(obs.shape),
+            returns=RunningStatistics.start(()),
+            key=key,
+            epoch=jnp.zeros((), int),
+        )
+
+    def start(self, learner: Learner, keys) -> PPOActors:
+        """Reset one environment for each key."""
+        actors = start_actors(self.env, keys)
+        return PPOActors(actors, jnp.zeros_like(actors.episode_return))
+
+    def policy(self, learner: Learner) -> Policy:
+        """The present policy."""
+        statistics = learner.obs if self.config.normalize_obs else None
+        return Policy(learner.params["policy"], statistics, self.scale, self.network)
+
+    def epoch(self, learner: Learner, actors: PPOActors):
+        """Collect experience, then learn from it."""
+        key, carry = jax.random.split(learner.key)
+        key = jax.random.fold_in(key, lax.axis_index(AXIS))
+        act_key, shuffle_key = jax.random.split(key)
+        policy = self.policy(learner)
+
+        def act(obs, key):
+            distribution = policy.distribution(obs)
+            action = distribution.sample(key)
+            return self.scale(action), (action, distribution)
+
+        envs, seen, episodes = collect(self.env, act, actors.envs, act_key, self.config.unroll)
+        discounted, reward, returns = self.scale_rewards(learner, actors.discounted, seen)
+        samples = self.samples(learner, seen.replace(reward=reward))
+        learner, losses = self.fit(learner, samples, shuffle_key)
+        learner = learner.replace(
+            # From the next epoch on: within an epoch the policy must see one normalisation.
+            obs=learner.obs.update(seen.obs.reshape(-1, seen.obs.shape[-1]), AXIS),
+            returns=returns,
+            key=carry,
+            epoch=learner.epoch + 1,
+        )
+        return learner, PPOActors(envs, discounted), {**episodes.metrics(), **losses}
+
+    def scale_rewards(self, learner: Learner, before, seen: Experience):
+        """Rewards in units of the deviation of the discounted returns."""
+        done = seen.terminated | seen.truncated
+        after, g = discounted_returns(before, seen.reward, done, self.config.discount)
+        returns = learner.returns.update(g.ravel(), AXIS)
+        reward = self.config.reward_scale * seen.reward
+        if self.config.normalize_reward:
+            reward = jnp.clip(reward / jnp.sqrt(returns.variance + 1e-8), -LIMIT, LIMIT)
+        return after, reward, returns
+
+    def samples(self, learner: Learner, seen: Experience) -> Sample:
+        """Advantages and targets of all steps, and time and environments as one axis."""
+        normalize = learner.obs.normalize if self.config.normalize_obs else lambda x: x
+        value = lambda obs: self.value.apply(learner.params["value"], obs)  # noqa: E731
+        obs = normalize(seen.obs)
+        values = value(obs)
+        estimate = jax.vmap(advantages, in_axes=(1,) * 5 + (None, None), out_axes=1)
+        advantage = estimate(
+            seen.reward,
+            values,
+            value(normalize(seen.next_obs)),
+            seen.terminated,
+            seen.truncated,
+            self.config.discount,
+            self.config.decay,
+        )
+        mean = lax.pmean(advantage.mean(), AXIS)
+        variance = lax.pmean(jnp.square(advantage - mean).mean(), AXIS)
+        action, old = seen.extras
+        samples = Sample(
+            obs=obs,
+            action=action,
+            old=old,
+            log_prob=old.log_prob(action),
+            advantage=(advantage - mean) / jnp.sqrt(variance + 1e-8),
+            target=advantage + values,
+        )
+        return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), samples)
+
+    def fit(self, learner: Learner, samples: Sample, key) -> tuple[Learner, dict[str, Array]]:
+        """All gradient steps of an epoch."""
+        count = samples.advantage.shape[0]
+        keys = jax.random.split(key, self.config.passes)
+        order = jax.vmap(lambda k: jnp.argsort(jax.random.bits(k, (count,))))(keys)
+        order = order.reshape(self.config.passes * self.config.minibatches, -1)
+        if self.config.schedule == "linear":
+            left = 1 - learner.epoch / self.epochs
+            rate = self.config.learning_rate * jnp.clip(left, 0.0, 1.0)
+            learner = learner.replace(learning_rate=rate.astype(float))
+
+        def body(learner, rows):
+            return self.update(learner, jax.tree.map(lambda x: x[rows], samples))
+
+        learner, losses = lax.scan(body, learner, order)
+        losses = {name: jnp.nanmean(x) for name, x in losses.items()}
+        losses |= {
+            "learning_rate": learner.learning_rate,
+            "std": jnp.exp(learner.params["policy"]["params"]["log_std"]).mean(),
+        }
+        return learner, losses
+
+    def update(self, learner: Learner, samples: Sample) -> tuple[Learner, dict[str, Array]]:
+        """One gradient step on a minibatch."""
+        gradient, losses = jax.grad(self.loss, has_aux=True)(learner.params, samples)
+        # One collective for everything, as each of them costs a rendezvous of all devices.
+        flat, unravel = ravel_pytree((gradient, losses))
+        flat = lax.pmean(flat, AXIS)
+        gradient, losses = unravel(flat)
+        step, optimizer = self.adam.update(gradient, learner.optimizer)
+        rate = learner.learning_rate
+        params = jax.tree.map(lambda p, s: p - rate * s, learner.params, step)
+        updated = learner.replace(
+            params=params,
+            optimizer=optimizer,
+            learning_rate=self.next_rate(rate, losses["kl"]),
+        )
+        # Numbers that are not finite must not reach the parameters, whatever they came from.
+        fine = jnp.isfinite(flat).all()
+        return jax.tree.map(lambda new, old: jnp.where(fine, new, old), updated, learner), losses
+
+    def loss(self, params, samples: Sample):
+        """The clipped objective, the value function's error and the entropy bonus.
+
+        With r the ratio of new to old probability: -min(r A, clip(r, 1 - c, 1 + c) A).
+        """
+        new = self.network.apply(params["policy"], samples.obs)
+        log_ratio = new.log_prob(samples.action) - samples.log_prob
+        ratio = jnp.exp(log_ratio)
+        clipped = jnp.clip(ratio, 1 - self.config.clip, 1 + self.config.clip)
+        policy_loss = -jnp.minimum(ratio * samples.advantage, clipped * samples.advantage).mean()
+        value = self.value.apply(params["value"], samples.obs)
+        value_loss = 0.5 * jnp.square(value - samples.target).mean()
+        entropy = new.entropy().mean()
+        loss = policy_loss + self.config.value_weight * value_loss - self.config.entropy * entropy
+        losses = {
+            "policy_loss": policy_loss,
+            "value_loss": value_loss,
+            "entropy": entropy,
+            "kl": divergence(lax.stop_gradient(samples.old), new).mean(),
+            "clipped": (jnp.abs(ratio - 1) > self.config.clip).mean(),
+        }
+        return loss, lax.stop_gradient(losses)
+
+    def next_rate(self, rate, kl):
+        """The step size after a step that moved the policy by `kl`."""
+        if self.config.schedule != "kl":
+            return rate
+        factor = jnp.where(kl > 2 * self.config.target_kl, 1 / 1.5, 1.0)
+        factor = jnp.where(kl < 0.5 * self.config.target_kl, 1.5, factor)
+        return jnp.clip(rate * factor, 1e-5, 1e-2).astype(rate.dtype)
+
+
+def divergence(p: Gaussian, q: Gaussian) -> Float[Array, "*batch"]:
+    """KL(p || q) of independent normal distributions, in nats."""
+    variance_ratio = jnp.exp(2 * (p.log_std - q.log_std))
+    distance = jnp.square((p.mean - q.mean) * jnp.exp(-q.log_std))
+    return 0.5 * jnp.sum(variance_ratio + distance - 1 - jnp.log(variance_ratio), axis=-1)
+
+
+def _check(config: Config, devices: int) -> None:
+    """Sizes must divide; said before anything is compiled."""
+    if config.envs % devices:
+        raise ConfigError(f"envs must be a multiple of the {devices} devices, got {config.envs}")
+    samples = config.envs // devices * config.unroll
+    if samples % config.minibatches:
+        raise ConfigError(
+            f"envs * unroll on each device ({samples}) must be a multiple of minibatches "
+            f"({config.minibatches})"
+        )
+    if config.schedule not in ("linear", "constant", "kl"):
+        raise ConfigError(f"schedule must be linear, constant or kl, got {config.schedule!r}")

@@ -1,0 +1,95 @@
+"""The compiled programs of a training: start, epoch, evaluation; each runs on all devices."""
+
+import concurrent.futures
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import jax
+from jax import lax
+from jax.sharding import Mesh, PartitionSpec
+
+from jaxsim.envs import Env
+from jaxsim.rl.algorithm import Algorithm
+from jaxsim.rl.distributed import AXIS, SPECS, Training, parallel, shardings
+from jaxsim.rl.evaluate import Evaluation, evaluate
+
+
+@dataclasses.dataclass(frozen=True)
+class Programs:
+    """Compiled functions.
+
+    Attributes:
+      start: `() -> Training`.
+      epoch: `Training -> (Training, metrics)`; the memory of the argument is used again.
+      evaluate: `learner -> Evaluation` of the deterministic policy.
+      template: shapes and shardings of the training state.
+    """
+
+    start: Callable[[], Training]
+    epoch: Callable[[Training], tuple[Training, dict[str, Any]]]
+    evaluate: Callable[[Any], Evaluation]
+    template: Training
+
+
+def compile_all(env: Env, algorithm: Algorithm, seed: int, mesh: Mesh) -> Programs:
+    """Trace all programs, then compile them at the same time.
+
+    Args:
+      env: what to evaluate in, without `AutoReset`.
+      algorithm: the trainer.
+      seed: of everything random.
+      mesh: the devices.
+    """
+    start = parallel(lambda: _start(algorithm, seed, mesh.size), mesh, (), SPECS)
+    template = jax.tree.map(
+        lambda x, sharding: jax.ShapeDtypeStruct(x.shape, x.dtype, sharding=sharding),
+        jax.eval_shape(start),
+        _like(jax.eval_shape(start), shardings(mesh, SPECS)),
+    )
+    everywhere = PartitionSpec()
+    epoch = parallel(
+        lambda training: _epoch(algorithm, training), mesh, (SPECS,), (SPECS, everywhere), donate=0
+    )
+    judge = parallel(
+        lambda learner: _evaluate(env, algorithm, seed, mesh.size, learner),
+        mesh,
+        (everywhere,),
+        everywhere,
+    )
+    lowered = [start.lower(), epoch.lower(template), judge.lower(template.learner)]
+    with concurrent.futures.ThreadPoolExecutor() as pool:
+        compiled = list(pool.map(lambda program: program.compile(), lowered))
+    return Programs(*compiled, template)
+
+
+def _start(algorithm: Algorithm, seed: int, devices: int) -> Training:
+    learner_key, env_key = jax.random.split(jax.random.key(seed))
+    learner = algorithm.init(learner_key)
+    keys = _mine(jax.random.split(env_key, algorithm.config.envs), devices)
+    return Training(learner, algorithm.start(learner, keys))
+
+
+def _epoch(algorithm: Algorithm, training: Training):
+    learner, actors, metrics = algorithm.epoch(training.learner, training.actors)
+    return Training(learner, actors), metrics
+
+
+def _evaluate(env: Env, algorithm: Algorithm, seed: int, devices: int, learner) -> Evaluation:
+    config = algorithm.config
+    episodes = -(-config.evaluation_episodes // devices) * devices
+    keys = jax.random.split(jax.random.fold_in(jax.random.key(seed), 1), episodes)
+    result = evaluate(env, algorithm.policy(learner), _mine(keys, devices), config.evaluation_steps)
+    return lax.all_gather(result, AXIS, tiled=True)
+
+
+def _mine(keys, devices: int):
+    """This device's share of the keys of all environments."""
+    count = keys.shape[0] // devices
+    return lax.dynamic_slice_in_dim(keys, lax.axis_index(AXIS) * count, count)
+
+
+def _like(training: Training, leaves: Training) -> Training:
+    """One sharding for each leaf."""
+    fill = lambda tree, leaf: jax.tree.map(lambda _: leaf, tree)  # noqa: E731
+    return Training(fill(training.learner, leaves.learner), fill(training.actors, leaves.actors))
