@@ -148,7 +148,7 @@ def _program(model, states, batch: int):
 
     def before(state, ctrl):
         smooth = smooth_dynamics(model, state, ctrl)
-        scene, contact = constraint_scene(model, state, smooth)
+        scene, contact = constraint_scene(model, state, smooth.kin, smooth.vel)
         shape["contact"], numbers = _split_static(contact)
         return scene.kin, scene.vel, numbers, *accelerations(model, scene.kin, smooth.qfrc_smooth)
 

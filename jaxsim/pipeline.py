@@ -8,7 +8,7 @@ from flax import struct
 from jaxtyping import Array, Float
 
 from jaxsim.collision import Contact, detect, find_candidates
-from jaxsim.constraint import Constrained, Scene, constrained_acceleration, constrained_at
+from jaxsim.constraint import Constrained, Scene, constrained_acceleration
 from jaxsim.dynamics.aba import accelerations
 from jaxsim.dynamics.actuation import Actuation, actuation
 from jaxsim.dynamics.kinematics import Kinematics, kinematics
@@ -65,21 +65,11 @@ def evaluate(model: Model, state: State, ctrl: Float[Array, "nu"] | None) -> Eva
     """Forces, contacts and accelerations of a state."""
     smooth = smooth_dynamics(model, state, ctrl)
     qacc_smooth, link_acc = accelerations(model, smooth.kin, smooth.qfrc_smooth)
-    scene, contact = constraint_scene(model, state, smooth)
+    scene, contact = constraint_scene(model, state, smooth.kin, smooth.vel)
     constrained = constrained_acceleration(
         scene, contact, qacc_smooth, link_acc, state.qacc_warmstart
     )
     return Evaluation(smooth, qacc_smooth, contact, constrained)
-
-
-def evaluate_at(
-    model: Model, state: State, ctrl: Float[Array, "nu"] | None, qacc: Float[Array, "nv"]
-) -> Evaluation:
-    """`evaluate` where the acceleration is known already, so that nothing is solved."""
-    smooth = smooth_dynamics(model, state, ctrl)
-    scene, contact = constraint_scene(model, state, smooth)
-    qacc_smooth, _ = accelerations(model, smooth.kin, smooth.qfrc_smooth)
-    return Evaluation(smooth, qacc_smooth, contact, constrained_at(scene, contact, qacc))
 
 
 def smooth_dynamics(model: Model, state: State, ctrl: Float[Array, "nu"] | None) -> Smooth:
@@ -103,8 +93,10 @@ def applied_wrench(model: Model, kin: Kinematics, state: State) -> Float[Array, 
     return wrench_on_links(model, kin, wrench, kin.xipos)
 
 
-def constraint_scene(model: Model, state: State, smooth: Smooth) -> tuple[Scene, Contact]:
+def constraint_scene(
+    model: Model, state: State, kin: Kinematics, vel: Velocities
+) -> tuple[Scene, Contact]:
     """What the constraint rows are computed from."""
     candidates = find_candidates(model, model.max_geom_pairs, model.max_contacts)
-    contact = detect(model, candidates, smooth.kin.geom_xpos, smooth.kin.geom_xmat)
-    return Scene(model, smooth.kin, smooth.vel, state.qpos, state.qvel), contact
+    contact = detect(model, candidates, kin.geom_xpos, kin.geom_xmat)
+    return Scene(model, kin, vel, state.qpos, state.qvel), contact

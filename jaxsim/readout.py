@@ -4,7 +4,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxsim.collision import Contact
+from jaxsim.constraint import Constrained
 from jaxsim.dynamics.external import external_wrench
+from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.tendon import tendon_length, tendon_velocity
 from jaxsim.model import Model, State
 from jaxsim.pipeline import Evaluation
@@ -30,7 +33,7 @@ def read_sensors(
         actuator_force=s.actuation.actuator_force,
         qfrc_actuator=s.actuation.qfrc_actuator,
         qacc=found.qacc,
-        body_wrench=body_wrenches(model, state, now),
+        body_wrench=body_wrenches(model, state, s.kin, now.contact, found),
         contact=now.contact,
         contact_force=found.contact_force,
         joint_limit_force=_by_id(now, ("limit_joint", "limit_ball"), model.njnt),
@@ -39,17 +42,16 @@ def read_sensors(
     return sensordata(model, signals)
 
 
-def body_wrenches(model: Model, state: State, now: Evaluation) -> Float[Array, "nbody 6"]:
+def body_wrenches(
+    model: Model, state: State, kin: Kinematics, contact: Contact, found: Constrained
+) -> Float[Array, "nbody 6"]:
     """External (torque, force) on each body about its centre of mass, equalities included."""
-    found = now.constrained
     eq_force = jnp.zeros((model.neq, 6), state.qpos.dtype)
     for block, force in zip(found.blocks, found.forces, strict=True):
         if block.name in ("connect", "weld"):
             rows = jnp.pad(force, ((0, 0), (0, 6 - force.shape[1])))
             eq_force = eq_force.at[np.array(block.ids, int)].set(rows)
-    return external_wrench(
-        model, now.smooth.kin, state.xfrc_applied, now.contact, found.contact_force, eq_force
-    )
+    return external_wrench(model, kin, state.xfrc_applied, contact, found.contact_force, eq_force)
 
 
 def _by_id(now: Evaluation, names: tuple[str, ...], n: int) -> Float[Array, "n"]:

@@ -182,7 +182,7 @@ def inverse(model: Model, state: State, qacc: Float[Array, "nv"]) -> Float[Array
     """
     _check_shapes(model, state, None)
     smooth = smooth_dynamics(model, state, None)
-    scene, contact = constraint_scene(model, state, smooth)
+    scene, contact = constraint_scene(model, state, smooth.kin, smooth.vel)
     found = constrained_at(scene, contact, qacc)
     acceleration = link_accelerations(model, smooth.kin, smooth.vel, qacc)
     force = link_forces(model, smooth.kin, smooth.vel, acceleration)

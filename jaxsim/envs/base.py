@@ -184,7 +184,8 @@ class Task(Env):
         drawn = {} if drawn is None else drawn
         now = Moment(self.model, state, state, jnp.zeros_like(action), action, drawn)
         info = {**drawn, **self.info(now)}
-        terms = jax.eval_shape(lambda: self._outcome(info, now, action))[1]
+        # A copy, since what a moment has computed must not leave the trace.
+        terms = jax.eval_shape(lambda: self._outcome(info, now.replace(), action))[1]
         return EnvState(
             state=state,
             obs=self.observe(now),

@@ -7,11 +7,13 @@ import jax.numpy as jnp
 from flax import struct
 from jaxtyping import Array, Float
 
+from jaxsim.collision import Contact
+from jaxsim.constraint import Constrained, constrained_at
 from jaxsim.dynamics import body_forces
-from jaxsim.dynamics.kinematics import Kinematics
-from jaxsim.dynamics.velocity import Velocities
+from jaxsim.dynamics.kinematics import Kinematics, kinematics
+from jaxsim.dynamics.velocity import Velocities, velocities
 from jaxsim.model import Model, State
-from jaxsim.pipeline import Evaluation, evaluate, evaluate_at
+from jaxsim.pipeline import constraint_scene, evaluate, smooth_dynamics
 from jaxsim.readout import body_wrenches
 
 
@@ -53,21 +55,24 @@ class Moment:
         return self.state.qvel
 
     @cached_property
-    def evaluation(self) -> Evaluation:
-        """The last evaluation of forces; nothing is solved again, except after a reset."""
-        if self.qacc_last is None:
-            return evaluate(self.model, self.last, self.ctrl)
-        return evaluate_at(self.model, self.last, self.ctrl, self.qacc_last)
-
-    @property
     def kin(self) -> Kinematics:
-        """Kinematics of the last evaluation."""
-        return self.evaluation.smooth.kin
+        """Kinematics of the last evaluation of forces."""
+        last = self.last
+        return kinematics(self.model, last.qpos, last.mocap_pos, last.mocap_quat)
 
-    @property
+    @cached_property
     def vel(self) -> Velocities:
         """Velocities of the links in the last evaluation."""
-        return self.evaluation.smooth.vel
+        return velocities(self.model, self.kin, self.last.qvel)
+
+    @cached_property
+    def _constraints(self) -> tuple[Contact, Constrained]:
+        """Contacts and forces of the last evaluation; solved only after a reset."""
+        if self.qacc_last is None:
+            now = evaluate(self.model, self.last, self.ctrl)
+            return now.contact, now.constrained
+        scene, contact = constraint_scene(self.model, self.last, self.kin, self.vel)
+        return contact, constrained_at(scene, contact, self.qacc_last)
 
     @property
     def xpos(self) -> Float[Array, "nbody 3"]:
@@ -117,22 +122,22 @@ class Moment:
     @property
     def qfrc_actuator(self) -> Float[Array, "nv"]:
         """Generalised forces of the actuators."""
-        return self.evaluation.smooth.actuation.qfrc_actuator
+        return smooth_dynamics(self.model, self.last, self.ctrl).actuation.qfrc_actuator
 
     @property
     def qfrc_constraint(self) -> Float[Array, "nv"]:
         """Generalised forces of all constraints."""
-        return self.evaluation.constrained.qfrc_constraint
+        return self._constraints[1].qfrc_constraint
 
     @property
     def qacc(self) -> Float[Array, "nv"]:
         """Acceleration."""
-        return self.evaluation.constrained.qacc
+        return self._constraints[1].qacc
 
     @property
     def cfrc_ext(self) -> Float[Array, "nbody 6"]:
         """External wrenches on the bodies as of `mj_rnePostConstraint`; zero at a reset."""
         if self.qacc_last is None:
             return jnp.zeros((self.model.nbody, 6), self.qpos.dtype)
-        wrench = body_wrenches(self.model, self.last, self.evaluation)
+        wrench = body_wrenches(self.model, self.last, self.kin, *self._constraints)
         return body_forces.cfrc_ext(self.model, self.kin, wrench)

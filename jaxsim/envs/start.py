@@ -55,4 +55,5 @@ def uniform_start(
 def start_from(model: Model, qpos: Float[Array, "nq"], qvel: Float[Array, "nv"]) -> State:
     """A state with the given positions and velocities."""
     dtype = model.qpos0.dtype
-    return make_state(model).replace(qpos=jnp.asarray(qpos, dtype), qvel=jnp.asarray(qvel, dtype))
+    # Copies: the numbers may belong to an MjData that moves on.
+    return make_state(model).replace(qpos=jnp.array(qpos, dtype), qvel=jnp.array(qvel, dtype))
