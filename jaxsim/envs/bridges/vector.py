@@ -112,7 +112,12 @@ class GymnasiumVectorEnv(VectorEnv):
         else:
             old = self._batch.replace(keys=keys)
             fresh = autoreset.compiled_reset(self._mesh)(self.env, old, mask)
-        self._batch, self._done = fresh, self._done & ~mask
+        self._batch = fresh
+        return self._started(fresh, mask)
+
+    def _started(self, fresh: batch.Batch, mask: np.ndarray):
+        """What a reset tells, on the host and in Gymnasium's format."""
+        self._done = self._done & ~mask
         obs, info = jax.device_get((fresh.states.obs, public_info(fresh.states)))
         return np.array(obs), vector_info(info, mask)
 
@@ -152,10 +157,13 @@ class GymnasiumVectorEnv(VectorEnv):
                 f"environments {np.flatnonzero(self._done)[:10].tolist()} have ended: call "
                 'reset(options={"reset_mask": mask}) first'
             )
-        actions = np.asarray(actions, np.float32).reshape(self.action_space.shape)
         program = autoreset.compiled_step(self._mesh, self.autoreset_mode)
+        actions = self._taken(actions)
         self._batch, outcome = program(self.env, self._batch, actions, self._done)
         return self._told(outcome)
+
+    def _taken(self, actions: Any):
+        return np.asarray(actions, np.float32).reshape(self.action_space.shape)
 
     def _told(self, outcome: autoreset.Outcome):
         """The outcome on the host, in Gymnasium's format; last observations only if any."""
