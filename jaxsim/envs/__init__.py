@@ -11,11 +11,13 @@ Example:
 from jaxsim.envs.base import Env, EnvState, Task, static
 from jaxsim.envs.bridges import register_gymnasium
 from jaxsim.envs.moment import Moment
+from jaxsim.envs.randomization import randomize
 from jaxsim.envs.registry import Spec, make, names, on_register, register, spec
 from jaxsim.envs.start import load_asset, start_from, uniform, uniform_start
-from jaxsim.envs.wrappers import TimeLimit, Wrapper, extended
+from jaxsim.envs.wrappers import AutoReset, TimeLimit, Wrapper, extended
 
 __all__ = [
+    "AutoReset",
     "Env",
     "EnvState",
     "Moment",
@@ -27,6 +29,7 @@ __all__ = [
     "load_asset",
     "make",
     "names",
+    "randomize",
     "register",
     "spec",
     "start_from",

@@ -31,9 +31,10 @@ class Acrobot(Task):
     Episode: both angles start uniformly within pi, at rest; never terminated; cut after 1000 steps
     of 0.01 s.
 
-    Differences from dm_control's acrobot swingup, from which reward and numbers are: the integrator
-    is semi-implicit Euler. Gymnasium's Acrobot-v1 is another task with three discrete actions.
-    Not in Brax.
+    Gymnasium: not there; its Acrobot-v1 has three discrete actions and another reward. Reward and
+    numbers are those of dm_control's acrobot swingup, whose integrator is Runge-Kutta.
+
+    Brax: not there.
     """
 
     model: Model = struct.field(default_factory=lambda: load_asset("acrobot"))

@@ -33,9 +33,10 @@ class Cartpole(Task):
     Episode: hanging at rest in the middle, up to 0.01 times the normal distribution in all
     positions and velocities; never terminated; cut after 1000 steps of 0.01 s.
 
-    Differences from dm_control's cartpole swingup, from which reward and numbers are: the
-    integrator is semi-implicit Euler, four times faster than Runge-Kutta. Not in Gymnasium, whose
-    CartPole-v1 is another task, and not in Brax.
+    Gymnasium: not there; its CartPole-v1 is another task. Reward and numbers are those of
+    dm_control's cartpole swingup, whose integrator is Runge-Kutta, four times slower.
+
+    Brax: not there.
     """
 
     model: Model = struct.field(default_factory=lambda: load_asset("cartpole"))

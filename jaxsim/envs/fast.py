@@ -21,7 +21,9 @@ class Fast(Env):
 
     Episode: x starts uniformly within (-1, 1); terminated where |x| > 2; cut after 20 steps.
 
-    Not in Gymnasium.
+    Gymnasium: not there.
+
+    Brax: its environment of that name is another one.
     """
 
     model: Model = struct.field(default_factory=lambda: load_asset("fast"))

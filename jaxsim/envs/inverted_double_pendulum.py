@@ -31,8 +31,10 @@ class InvertedDoublePendulum(Task):
     Episode: positions start uniformly within 0.1 of zero, velocities from 0.1 times the normal
     distribution; terminated where the tip is not above 1 m; cut after 1000 steps of 0.05 s.
 
-    Differences from Gymnasium's InvertedDoublePendulum-v5: none. From Brax: it observes no force,
-    takes two time steps for each action, and starts within 0.01.
+    Gymnasium: the same as InvertedDoublePendulum-v5 in every respect; as there, force and tip are
+    those of the last evaluation of forces.
+
+    Brax: it observes no force, takes two time steps for each action, and starts within 0.01.
 
     Attributes:
       healthy_reward: reward for standing.

@@ -28,8 +28,9 @@ class InvertedPendulum(Task):
     Episode: positions and velocities start uniformly within 0.01 of zero; terminated where the
     angle exceeds 0.2 rad or something is not finite; cut after 1000 steps of 0.04 s.
 
-    Differences from Gymnasium's InvertedPendulum-v5: none. From Brax: its actions are within (-1, 1)
-    and its reward is 1 for the fall too.
+    Gymnasium: the same as InvertedPendulum-v5 in every respect.
+
+    Brax: its actions are within (-1, 1), and it rewards the step that falls as well.
 
     Attributes:
       reset_noise_scale: half-width of the start distribution.

@@ -29,8 +29,10 @@ class Pendulum(Task):
     Episode: the angle starts uniformly within pi, the velocity within 1 rad/s of zero; never
     terminated; cut after 200 steps of 0.05 s.
 
-    Differences from Gymnasium's Pendulum-v1: the speed is not limited to 8 rad/s, which the rod
-    hardly ever reaches. Not in Brax.
+    Gymnasium: Pendulum-v1, except that the speed is not limited to 8 rad/s, which the rod hardly
+    ever reaches.
+
+    Brax: not there.
     """
 
     model: Model = struct.field(default_factory=lambda: load_asset("pendulum"))

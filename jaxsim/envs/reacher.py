@@ -31,10 +31,11 @@ class Reacher(Task):
     Episode: angles start uniformly within 0.1 and their velocities within 0.005 of zero, the target
     uniformly in a disc of 0.2 m; never terminated; cut after 50 steps of 0.02 s.
 
-    Differences from Gymnasium's Reacher-v5: none; as there, the vector to the target is that of the
-    last evaluation of forces, a fraction of a time step old. From Brax: it
-    observes the velocity of the fingertip and three components of the vector, and draws the target
-    nearer to the middle.
+    Gymnasium: the same as Reacher-v5 in every respect; as there, the vector to the target is that
+    of the last evaluation of forces.
+
+    Brax: it observes the velocity of the fingertip instead of the angular velocities and three
+    components of the vector, and draws the target nearer to the middle.
 
     Attributes:
       reward_dist_weight: weight of the distance.

@@ -30,7 +30,9 @@ class Swimmer(Task):
     Episode: positions and velocities start uniformly within 0.1 of zero; never terminated; cut
     after 1000 steps of 0.04 s.
 
-    Differences from Gymnasium's Swimmer-v5: none. From Brax: it always observes x and y.
+    Gymnasium: the same as Swimmer-v5 in every respect.
+
+    Brax: it always observes x and y.
 
     Attributes:
       forward_reward_weight: weight of the velocity.

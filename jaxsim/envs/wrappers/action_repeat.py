@@ -1,0 +1,49 @@
+"""Fewer decisions per second."""
+
+import jax
+import jax.numpy as jnp
+from flax import struct
+from jax import lax
+
+from jaxsim.envs.base import EnvState
+from jaxsim.envs.wrappers.wrapper import Wrapper
+
+
+@struct.dataclass
+class ActionRepeat(Wrapper):
+    """Repeats each action; rewards are added up, and nothing happens after the end of an episode.
+
+    Unlike a larger `frame_skip` it looks at the task in between. Metrics are those of the last
+    step.
+
+    Attributes:
+      repeats: steps of the inner environment for each action.
+    """
+
+    repeats: int = struct.field(pytree_node=False, default=2)
+
+    def step(self, state, action) -> EnvState:
+        """Act for several steps."""
+
+        def again(carry, _):
+            now, total = carry
+            after = self.env.step(now, action)
+            total = total + jnp.where(now.done, 0, after.reward)
+            return (jax.tree.map(lambda a, b: jnp.where(now.done, a, b), now, after), total), None
+
+        # What wrappers further out have made of the last step is not what the inner one returns.
+        inner = jax.eval_shape(self.env.step, state, action)
+        blank = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), inner.replace(info={}))
+        start = blank.replace(state=state.state, info=state.info)
+        (after, total), _ = lax.scan(again, (start, blank.reward), length=self.repeats)
+        return after.replace(reward=total)
+
+    @property
+    def dt(self):
+        """Time between two actions (s)."""
+        return self.repeats * self.env.dt
+
+    @property
+    def frame_skip(self) -> int:
+        """Time steps for each action."""
+        return self.repeats * self.env.frame_skip

@@ -1,0 +1,68 @@
+"""Episodes one after another, without end."""
+
+import functools
+import operator
+
+import jax
+import jax.numpy as jnp
+from flax import struct
+
+from jaxsim.envs.base import EnvState
+from jaxsim.envs.wrappers.wrapper import Wrapper, extended
+
+
+@struct.dataclass
+class AutoReset(Wrapper):
+    """Starts a new episode, at random, in the step in which one ends.
+
+    `obs`, `state` and the inner `info` are then those of the new episode; reward, `terminated`,
+    `truncated` and metrics still are those of the step that ended the old one, and
+    `info["terminal_obs"]` holds its last observation (between episodes: the current one).
+
+    A state that is not finite ends its episode too: `terminated`, reward 0, metrics 0 except
+    `metrics["nonfinite"]`, which is 1 and otherwise 0. Nothing of it is passed on.
+
+    `info["reset_key"]` is the random key of the episodes to come.
+    """
+
+    def reset(self, key) -> EnvState:
+        """Start the first episode."""
+        key, rest = jax.random.split(key)
+        state = self.env.reset(key)
+        metrics = {**state.metrics, "nonfinite": jnp.zeros_like(state.reward)}
+        return extended(
+            state.replace(metrics=metrics), reset_key=rest, terminal_obs=state.obs
+        )
+
+    def step(self, state, action) -> EnvState:
+        """Act for one step, and start over where the episode has ended."""
+        key, rest = jax.random.split(state.info["reset_key"])
+        fresh, after = self.env.reset(key), self.env.step(state, action)
+        broken = ~_finite((after.state, after.obs, after.reward, after.metrics))
+        done = after.done | broken
+        metrics = {**_select(broken, jax.tree.map(jnp.zeros_like, after.metrics), after.metrics)}
+        inner = {name: after.info[name] for name in fresh.info}
+        return EnvState(
+            state=_select(done, fresh.state, after.state),
+            obs=jnp.where(done, fresh.obs, after.obs),
+            reward=jnp.where(broken, 0, after.reward),
+            terminated=after.terminated | broken,
+            truncated=after.truncated & ~broken,
+            metrics={**metrics, "nonfinite": broken.astype(after.reward.dtype)},
+            info={
+                **after.info,
+                **_select(done, fresh.info, inner),
+                "reset_key": rest,
+                "terminal_obs": jnp.where(broken, fresh.obs, after.obs),
+            },
+        )
+
+
+def _select(which, a, b):
+    return jax.tree.map(functools.partial(jnp.where, which), a, b)
+
+
+def _finite(tree):
+    """Whether all numbers of a tree are finite."""
+    leaves = [x for x in jax.tree.leaves(tree) if jnp.issubdtype(x.dtype, jnp.floating)]
+    return functools.reduce(operator.and_, (jnp.isfinite(x).all() for x in leaves))

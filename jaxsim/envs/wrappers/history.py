@@ -1,0 +1,39 @@
+"""The last observations together."""
+
+import jax.numpy as jnp
+from flax import struct
+
+from jaxsim.envs.base import EnvState
+from jaxsim.envs.wrappers.wrapper import Wrapper, extended
+
+
+@struct.dataclass
+class History(Wrapper):
+    """Observes the last observations, oldest first, as one vector.
+
+    An episode starts as if the first observation had been there for long. What has been seen is in
+    `info["history"]`, (length, n).
+
+    Attributes:
+      length: how many.
+    """
+
+    length: int = struct.field(pytree_node=False, default=3)
+
+    def reset(self, key) -> EnvState:
+        """Start an episode."""
+        state = self.env.reset(key)
+        return self._observing(state, jnp.stack([state.obs] * self.length))
+
+    def step(self, state, action) -> EnvState:
+        """Act for one step."""
+        after = self.env.step(state, action)
+        return self._observing(after, pushed(state.info["history"], after.obs))
+
+    def _observing(self, state: EnvState, history) -> EnvState:
+        return extended(state.replace(obs=history.reshape(-1)), history=history)
+
+
+def pushed(queue, newest):
+    """A queue, oldest first, with its oldest entry dropped and a new one added."""
+    return jnp.concatenate([queue[1:], newest[None]])
