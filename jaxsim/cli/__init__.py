@@ -6,6 +6,8 @@ command runs, so that `jaxsim --help` needs neither JAX nor MuJoCo.
 
 import argparse
 import importlib
+import os
+import pathlib
 import sys
 from collections.abc import Sequence
 
@@ -16,6 +18,8 @@ examples:
   jaxsim models                                 what comes with the package
   jaxsim simulate humanoid                      1024 humanoids, 1000 steps each
   jaxsim simulate my_robot.xml --ctrl zero      a file of yours, MJCF or URDF
+  jaxsim train inverted_pendulum                a policy in less than a minute
+  jaxsim play runs/...                          what it has learnt
 """
 
 _SIMULATE = """\
@@ -38,6 +42,46 @@ exit status:
   2  the command was not understood, or the model could not be loaded
 """
 
+_TRAIN = """\
+Train a policy in thousands of environments at once.
+
+Settings come from the tuned file for this environment, where jaxsim has one; --config names
+another file, and --set changes single values. Everything is written to one directory: settings
+(run.yaml), numbers (metrics.jsonl, tensorboard), checkpoints, the learning curve (curve.png) and
+an episode of the trained policy (episode.mp4 or .gif).
+
+Ctrl-C ends training after the present epoch, with a checkpoint; --resume goes on from there, and
+the result is the same to the last bit as without the interrupt.
+"""
+
+_TRAIN_EXAMPLES = """\
+examples:
+  jaxsim train inverted_pendulum
+  jaxsim train ant --seed 3 --out runs/ant-3
+  jaxsim train hopper --set total_steps=2e6 --set policy.hidden=[128,128]
+  jaxsim train cartpole --algorithm shac
+  jaxsim train half_cheetah --resume runs/half_cheetah-ppo-20260101-120000
+  jaxsim train reacher --set learning_rat=1     an unknown setting is an error that lists the others
+
+on several machines, the same command in each process, with its own --process:
+  jaxsim train ant --coordinator host:1234 --processes 2 --process 0
+
+exit status:
+  0    done
+  2    the command was not understood, or a setting makes no sense
+  130  interrupted, and saved
+"""
+
+_PLAY = """\
+Evaluate the newest checkpoint of a run with the deterministic policy, and draw an episode.
+"""
+
+_PLAY_EXAMPLES = """\
+examples:
+  jaxsim play runs/ant-3
+  jaxsim play runs/ant-3 --episodes 1000 --no-video
+"""
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line.
@@ -49,6 +93,7 @@ def main(argv: Sequence[str] | None = None) -> int:
       The exit status: 0 on success, 1 if the simulation diverged, 2 for a mistake in the request.
     """
     arguments = _parser().parse_args(argv)
+    _draw_without_display()
     command = importlib.import_module(f"jaxsim.cli.{arguments.command}")
     try:
         return command.run(arguments)
@@ -70,10 +115,68 @@ def _parser() -> argparse.ArgumentParser:
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     _add_simulate(commands)
+    _add_train(commands)
+    _add_play(commands)
     commands.add_parser(
         "models", help="list the bundled models", description="List the bundled models."
     )
     return parser
+
+
+def _draw_without_display() -> None:
+    """Let MuJoCo draw on a machine without a screen; it decides when it is imported."""
+    screen = any(name in os.environ for name in ("DISPLAY", "WAYLAND_DISPLAY"))
+    if sys.platform == "linux" and not screen:
+        os.environ.setdefault("MUJOCO_GL", "egl")
+
+
+def _add_train(commands) -> None:
+    train = commands.add_parser(
+        "train",
+        help="train a policy",
+        description=_TRAIN,
+        epilog=_TRAIN_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    option = train.add_argument
+    option("env", metavar="ENV", help="name of an environment; `jaxsim envs` lists them")
+    option("--algorithm", default="ppo", help="ppo (default), sac, apg or shac")
+    option("--config", metavar="FILE", help="YAML file of settings instead of the tuned ones")
+    option(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="change one setting; may be repeated",
+    )
+    option("--seed", type=int, default=0, help="seed of everything random (0)")
+    where = train.add_mutually_exclusive_group()
+    where.add_argument("--out", type=pathlib.Path, metavar="DIR", help="new directory to write to")
+    where.add_argument("--resume", type=pathlib.Path, metavar="DIR", help="go on with this run")
+    _add_video(train)
+    option("--coordinator", metavar="HOST:PORT", help="address of the first of several processes")
+    option("--processes", type=_positive(int), default=1, help="number of processes (1)")
+    option("--process", type=int, default=0, help="index of this process, from 0")
+
+
+def _add_play(commands) -> None:
+    play = commands.add_parser(
+        "play",
+        help="evaluate and show a trained policy",
+        description=_PLAY,
+        epilog=_PLAY_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    play.add_argument("checkpoint", type=pathlib.Path, metavar="DIR", help="directory of a run")
+    play.add_argument("--episodes", type=_positive(int), default=64, help="how many (64)")
+    play.add_argument("--seed", type=int, default=1, help="seed of the starts (1)")
+    _add_video(play)
+
+
+def _add_video(parser) -> None:
+    parser.add_argument(
+        "--no-video", dest="video", action="store_false", help="do not draw an episode"
+    )
 
 
 def _add_simulate(commands) -> None:

@@ -1,10 +1,10 @@
 """Checkpoints of a whole training: what comes after a resume is bit-identical to not stopping."""
 
 import pathlib
-import shutil
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import orbax.checkpoint as ocp
 import yaml
 
@@ -43,8 +43,8 @@ class Checkpoints:
         self._manager.save(
             steps,
             args=ocp.args.Composite(
-                training=ocp.args.StandardSave(_without_keys(training)),
-                policy=ocp.args.StandardSave(policy),
+                training=ocp.args.StandardSave(_pack(training)),
+                policy=ocp.args.StandardSave(_pack(policy)),
                 progress=ocp.args.JsonSave(progress),
             ),
         )
@@ -63,16 +63,16 @@ class Checkpoints:
           CheckpointError: there is none.
         """
         args = ocp.args.Composite(
-            training=ocp.args.StandardRestore(_without_keys(training)),
+            training=ocp.args.StandardRestore(_pack(training)),
             progress=ocp.args.JsonRestore(),
         )
         found = self._manager.restore(self._step(), args=args)
-        return _with_keys(found["training"], training), found["progress"]
+        return _unpack(found["training"], training), found["progress"]
 
     def restore_policy(self, policy: Any) -> Any:
         """The newest policy, as a tree like `policy`."""
-        args = ocp.args.Composite(policy=ocp.args.StandardRestore(policy))
-        return self._manager.restore(self._step(), args=args)["policy"]
+        args = ocp.args.Composite(policy=ocp.args.StandardRestore(_pack(policy)))
+        return _unpack(self._manager.restore(self._step(), args=args)["policy"], policy)
 
     def close(self) -> None:
         """Finish what is being written."""
@@ -85,8 +85,16 @@ class Checkpoints:
         return step
 
 
-def write_run(directory: pathlib.Path, run: dict[str, Any]) -> None:
-    """Write the settings that a run was started with."""
+def write_run(directory: pathlib.Path, run: dict[str, Any], resume: bool) -> None:
+    """Write the settings that a run was started with.
+
+    Raises:
+      CheckpointError: the directory holds a run already, and is not to be resumed.
+    """
+    if not resume and (directory / "run.yaml").exists():
+        raise CheckpointError(
+            f"{directory} holds a run already; resume it, or choose another directory"
+        )
     directory.mkdir(parents=True, exist_ok=True)
     (directory / "run.yaml").write_text(yaml.safe_dump(run, sort_keys=False), "utf-8")
 
@@ -103,30 +111,32 @@ def read_run(directory: str | pathlib.Path) -> dict[str, Any]:
     return yaml.safe_load(path.read_text("utf-8"))
 
 
-def clear(directory: pathlib.Path) -> None:
-    """Remove the checkpoints and logs of an earlier run in this directory."""
-    shutil.rmtree(directory / _STATE, ignore_errors=True)
-    (directory / "metrics.jsonl").unlink(missing_ok=True)
+def _pack(tree: Any) -> dict[str, Any]:
+    """The leaves by name, as orbax takes them: no empty arrays, random keys as integers."""
+    leaves = {jax.tree_util.keystr(path): x for path, x in jax.tree.leaves_with_path(tree)}
+    return {name: _plain(x) for name, x in leaves.items() if x.size}
+
+
+def _unpack(leaves: dict[str, Any], like: Any) -> Any:
+    """The tree whose leaves were packed."""
+
+    def leaf(path, old):
+        if not old.size:
+            return jnp.zeros(old.shape, old.dtype, device=old.sharding)
+        new = leaves[jax.tree_util.keystr(path)]
+        return jax.random.wrap_key_data(new) if _is_key(old) else new
+
+    return jax.tree_util.tree_map_with_path(leaf, like)
 
 
 def _is_key(x: Any) -> bool:
     return jax.dtypes.issubdtype(x.dtype, jax.dtypes.prng_key)
 
 
-def _without_keys(tree: Any) -> Any:
-    """Random keys as the integers they are made of."""
-
-    def plain(x):
-        if not _is_key(x):
-            return x
-        if isinstance(x, jax.ShapeDtypeStruct):
-            data = jax.eval_shape(jax.random.key_data, jax.ShapeDtypeStruct(x.shape, x.dtype))
-            return jax.ShapeDtypeStruct(data.shape, data.dtype, sharding=x.sharding)
+def _plain(x: Any) -> Any:
+    if not _is_key(x):
+        return x
+    if not isinstance(x, jax.ShapeDtypeStruct):
         return jax.random.key_data(x)
-
-    return jax.tree.map(plain, tree)
-
-
-def _with_keys(tree: Any, like: Any) -> Any:
-    wrap = lambda x, old: jax.random.wrap_key_data(x) if _is_key(old) else x  # noqa: E731
-    return jax.tree.map(wrap, tree, like)
+    data = jax.eval_shape(jax.random.key_data, x)
+    return jax.ShapeDtypeStruct(data.shape, data.dtype, sharding=x.sharding)

@@ -139,6 +139,14 @@ def find(algorithm: str, env: str) -> pathlib.Path | None:
     return None
 
 
+def plain(config: Any) -> Any:
+    """Settings as what YAML can say; `build` reads it back."""
+    if dataclasses.is_dataclass(config) and not isinstance(config, type):
+        fields = dataclasses.fields(config)
+        return {field.name: plain(getattr(config, field.name)) for field in fields}
+    return list(config) if isinstance(config, tuple) else config
+
+
 def unknown(kind: str, path: str, key: str, known: Iterable[str]) -> str:
     """The message for a name that does not exist, with those it may have meant."""
     known = sorted(known)

@@ -15,7 +15,7 @@ from jax.sharding import Mesh
 from jaxsim import envs
 from jaxsim.rl import config, distributed, metrics
 from jaxsim.rl.algorithm import Algorithm
-from jaxsim.rl.checkpoint import Checkpoints, clear, write_run
+from jaxsim.rl.checkpoint import CheckpointError, Checkpoints, read_run, write_run
 from jaxsim.rl.distributed import Training
 from jaxsim.rl.interrupts import Interrupts
 from jaxsim.rl.networks import Policy
@@ -83,8 +83,8 @@ def train(
       The policy and how it came about.
 
     Raises:
-      ConfigError: a setting does not exist or makes no sense.
-      KeyError: no environment or algorithm has this name.
+      ConfigError: a setting, an environment or an algorithm does not exist or makes no sense.
+      CheckpointError: the directory holds a run already, and `resume` is not set.
     """
     run = _Run(env, algorithm, resolve(env, algorithm, settings, overrides), seed, mesh)
     return run.go(None if directory is None else pathlib.Path(directory), resume, progress)
@@ -110,6 +110,45 @@ def resolve(
     return config.override(settings, overrides)
 
 
+def load_policy(directory: str | pathlib.Path, env: envs.Env | None = None) -> Policy:
+    """The policy in the newest checkpoint of a run.
+
+    Args:
+      directory: of the run.
+      env: the environment, if it was not made from a name.
+
+    Raises:
+      CheckpointError: there is no checkpoint, or nothing tells the environment.
+    """
+    run = read_run(directory)
+    env = run_env(run) if env is None else env
+    algorithm = module(run["algorithm"])
+    settings = config.build(algorithm.Config, run["settings"])
+    made = algorithm.make(envs.AutoReset(env), settings, 1)
+    template = jax.eval_shape(lambda key: made.policy(made.init(key)), jax.random.key(0))
+    here = jax.sharding.SingleDeviceSharding(jax.devices()[0])
+    template = jax.tree.map(
+        lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype, sharding=here), template
+    )
+    store = Checkpoints(directory)
+    try:
+        return store.restore_policy(template)
+    finally:
+        store.close()
+
+
+def run_env(run: Mapping[str, Any]) -> envs.Env:
+    """The environment of a run, from what its directory says.
+
+    Raises:
+      CheckpointError: it was trained in an environment without a name.
+    """
+    if run["env"] is None:
+        raise CheckpointError("this run was trained in an environment without a name; pass env")
+    settings = config.build(module(run["algorithm"]).Config, run["settings"])
+    return make_env(run["env"], settings)
+
+
 def module(algorithm: str) -> Any:
     """The module of an algorithm.
 
@@ -122,8 +161,17 @@ def module(algorithm: str) -> Any:
 
 
 def make_env(env: str | envs.Env, settings: config.TrainConfig) -> envs.Env:
-    """The environment to evaluate in: a given one, or one of this name with the options set."""
-    return envs.make(env, **settings.env_options) if isinstance(env, str) else env
+    """The environment to evaluate in: a given one, or one of this name with the options set.
+
+    Raises:
+      ConfigError: there is no such environment, or it has no such option.
+    """
+    if not isinstance(env, str):
+        return env
+    try:
+        return envs.make(env, **settings.env_options)
+    except (KeyError, TypeError, ValueError) as error:
+        raise config.ConfigError(error.args[0]) from error
 
 
 class _Run:
@@ -138,7 +186,12 @@ class _Run:
         self.algorithm: Algorithm = module(name).make(
             envs.AutoReset(self.env), settings, self.mesh.size
         )
-        self.record = {"env": env, "algorithm": name, "seed": seed} | dataclasses.asdict(settings)
+        self.record = {
+            "env": env if isinstance(env, str) else None,
+            "algorithm": name,
+            "seed": seed,
+            "settings": config.plain(settings),
+        }
         self.steps = 0
         self.history: list[metrics.Row] = []
 
@@ -197,9 +250,7 @@ class _Run:
 
     def _open(self, directory: pathlib.Path, resume: bool) -> Checkpoints:
         if distributed.is_main():
-            if not resume:
-                clear(directory)
-            write_run(directory, self.record)
+            write_run(directory, self.record, resume)
         return Checkpoints(directory)
 
     def _outputs(self, directory: pathlib.Path | None, progress: bool) -> list[Any]:

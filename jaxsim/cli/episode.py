@@ -1,0 +1,38 @@
+"""One episode as a video, for `jaxsim train` and `jaxsim play`."""
+
+import pathlib
+from typing import Any
+
+import jax
+import numpy as np
+
+from jaxsim import viz
+from jaxsim.viz.video import write_video
+
+MAX_STEPS = 1000
+SLOWEST = 30.0  # frames per second that are enough for a video
+
+
+def save_video(env: Any, policy: Any, path: pathlib.Path, seed: int) -> str:
+    """Play and draw one episode; returns what to tell the user."""
+    try:
+        frames, fps = _frames(env, policy, seed)
+        return f"video: {write_video(frames, path, fps)}"
+    except RuntimeError as error:
+        return f"no video: {error}"
+
+
+def _frames(env: Any, policy: Any, seed: int) -> tuple[list[np.ndarray], float]:
+    reset, step = jax.jit(env.reset), jax.jit(lambda s: env.step(s, policy(s.obs)))
+    drawing = viz.Frames(env.unwrapped.model)
+    state = reset(jax.random.key(seed))
+    frames = [drawing.frame(jax.device_get(state.state))]  # fails early where nothing can draw
+    every = max(1, round(1 / (SLOWEST * float(env.dt))))
+    for count in range(1, MAX_STEPS + 1):
+        state = step(state)
+        if count % every == 0:
+            frames.append(drawing.frame(jax.device_get(state.state)))
+        if state.terminated or state.truncated:
+            break
+    drawing.close()
+    return frames, 1 / (float(env.dt) * every)

@@ -1,0 +1,66 @@
+"""Learning curves as pictures."""
+
+import pathlib
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+_NO_MATPLOTLIB = (
+    "drawing a learning curve needs matplotlib: install jaxsim-physics[viz], or matplotlib itself"
+)
+
+
+def plot_learning(
+    runs: Mapping[str, Sequence[Mapping[str, float]]],
+    path: str | pathlib.Path,
+    title: str = "",
+    goal: float | None = None,
+) -> None:
+    """Draw returns against wall time and against environment steps, and write the picture.
+
+    Args:
+      runs: rows of each run, by the name of its curve; those with "eval_return" are drawn as a
+        line with points, "episode_return" of training as a thin line behind it.
+      path: file to write; its ending is the format.
+      title: above the picture.
+      goal: return to mark by a horizontal line.
+
+    Raises:
+      RuntimeError: matplotlib is not installed.
+    """
+    figure = _figure()
+    for axes, column, label in zip(
+        figure.subplots(1, 2, sharey=True),
+        ("seconds", "steps"),
+        ("wall time (s)", "steps"),
+        strict=True,
+    ):
+        for index, (name, rows) in enumerate(runs.items()):
+            _draw(axes, rows, column, name, f"C{index}")
+        if goal is not None:
+            axes.axhline(goal, color="gray", linestyle=":")
+        axes.set_xlabel(label)
+        axes.grid(alpha=0.3)
+    figure.axes[0].set_ylabel("return of an episode")
+    figure.axes[1].legend()
+    figure.suptitle(title)
+    figure.savefig(path)
+
+
+def _draw(axes: Any, rows: Sequence[Mapping[str, float]], column: str, name: str, color: str):
+    training = [(row[column], row.get("episode_return", float("nan"))) for row in rows]
+    axes.plot(*zip(*training, strict=True), color=color, alpha=0.3, linewidth=1)
+    evaluated = [(row[column], row["eval_return"]) for row in rows if "eval_return" in row]
+    if evaluated:
+        axes.plot(*zip(*evaluated, strict=True), "o-", color=color, label=name, markersize=3)
+
+
+def _figure() -> Any:
+    """A figure that needs no display."""
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise RuntimeError(_NO_MATPLOTLIB) from error
+    figure = Figure(figsize=(9, 4), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
