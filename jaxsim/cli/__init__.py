@@ -16,6 +16,7 @@ Simulate rigid bodies by the thousand, with MuJoCo's physics in JAX.
 
 examples:
   jaxsim models                                 what comes with the package
+  jaxsim envs                                   tasks to train on
   jaxsim simulate humanoid                      1024 humanoids, 1000 steps each
   jaxsim simulate my_robot.xml --ctrl zero      a file of yours, MJCF or URDF
   jaxsim train inverted_pendulum                a policy in less than a minute
@@ -120,6 +121,7 @@ def _parser() -> argparse.ArgumentParser:
     commands.add_parser(
         "models", help="list the bundled models", description="List the bundled models."
     )
+    commands.add_parser("envs", help="list the environments", description="List the environments.")
     return parser
 
 
