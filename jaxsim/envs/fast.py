@@ -46,5 +46,6 @@ class Fast(Env):
             obs=x,
             reward=1 - x[0] ** 2 - 0.01 * action[0] ** 2,
             terminated=jnp.abs(x[0]) > 2,
+            truncated=jnp.zeros((), bool),
             metrics={"distance": jnp.abs(x[0])},
         )
