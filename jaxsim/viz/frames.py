@@ -15,7 +15,8 @@ _NO_OPENGL = (
 class Frames:
     """Draws states of one model; the renderer is made when the first frame is asked for.
 
-    The camera called "track" is used where there is one and no other is named.
+    Where no camera is named, the one called "track" is used, or else one that follows the first
+    body from a distance at which everything that moves is seen.
     """
 
     def __init__(
@@ -49,15 +50,19 @@ class Frames:
         Raises:
           RuntimeError: MuJoCo has no OpenGL to draw with.
         """
-        model, data = self._model, self._data
+        renderer = self._renderer = self._renderer or _renderer(self._model, self._size)
+        renderer.update_scene(self.pose(state), camera=self._camera)
+        return renderer.render()
+
+    def pose(self, state: State) -> mujoco.MjData:
+        """The scene of a state, with all that is drawn in place."""
+        data = self._data
         data.qpos[:], data.mocap_pos[:] = state.qpos, state.mocap_pos
         data.mocap_quat[:] = state.mocap_quat
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_camlight(model, data)
-        renderer = self._renderer = self._renderer or _renderer(model, self._size)
-        renderer.update_scene(data, camera=self._camera)
-        return renderer.render()
+        mujoco.mj_kinematics(self._model, data)
+        mujoco.mj_comPos(self._model, data)
+        mujoco.mj_camlight(self._model, data)
+        return data
 
     def close(self) -> None:
         """Free the renderer; the next frame makes a new one."""
@@ -75,13 +80,26 @@ def _renderer(model: mujoco.MjModel, size: tuple[int, int]) -> mujoco.Renderer:
         raise RuntimeError(_NO_OPENGL) from error
 
 
-def _camera(model: mujoco.MjModel, camera: int | str | None) -> int:
+def _camera(model: mujoco.MjModel, camera: int | str | None) -> int | mujoco.MjvCamera:
     if isinstance(camera, int) and -1 <= camera < model.ncam:
         return camera
     name = "track" if camera is None else camera
     if isinstance(name, str):
         found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, name)
         if found >= 0 or camera is None:
-            return found
+            return found if found >= 0 else _follower(model)
     known = [model.camera(i).name for i in range(model.ncam)]
     raise ValueError(f"there is no camera {camera!r}; the model has {known or 'none'}, and -1")
+
+
+def _follower(model: mujoco.MjModel) -> mujoco.MjvCamera:
+    """A camera in front of the first body, or of the origin if there is none."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    camera, body = mujoco.MjvCamera(), min(1, model.nbody - 1)
+    reach = np.linalg.norm(data.geom_xpos - data.xpos[body], axis=1) + model.geom_rbound
+    shown = reach[model.geom_bodyid > 0]
+    camera.type, camera.trackbodyid = mujoco.mjtCamera.mjCAMERA_TRACKING, body
+    camera.distance = 3 * max(shown, default=1.0)
+    camera.azimuth, camera.elevation = 90, -15
+    return camera

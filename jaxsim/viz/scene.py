@@ -17,7 +17,7 @@ _DRAWN = {
         _GEOM.mjGEOM_BOX,
     )
 }
-_GROUND, _ROBOT = (0.7, 0.75, 0.8, 1), (0.85, 0.5, 0.25, 1)
+_STILL, _MOVING = (0.7, 0.75, 0.8, 1), (0.85, 0.5, 0.25, 1)
 
 
 def scene(model: Model) -> mujoco.MjModel:
@@ -29,8 +29,9 @@ def scene(model: Model) -> mujoco.MjModel:
       model: the model; meshes, height fields and tendons are not drawn.
     """
     spec = mujoco.MjSpec()
-    spec.compiler.autolimits = False
+    spec.compiler.degree = False
     spec.worldbody.add_light(pos=[0, -3, 6], dir=[0, 0.45, -0.9])
+    _add_sky_and_tiles(spec)
     bodies = [spec.worldbody]
     for body in range(1, model.nbody):
         bodies.append(_add_body(model, bodies[model.body_parentid[body]], body))
@@ -66,7 +67,24 @@ def _add_geom(model: Model, body, geom: int) -> None:
         size=np.asarray(model.geom_size[geom], float),
         pos=np.asarray(model.geom_pos[geom], float),
         quat=np.asarray(model.geom_quat[geom], float),
-        rgba=_GROUND if model.body_weldid[model.geom_bodyid[geom]] == 0 else _ROBOT,
+        rgba=_STILL if model.body_weldid[model.geom_bodyid[geom]] == 0 else _MOVING,
+        material="tiles" if model.geom_type[geom] == _GEOM.mjGEOM_PLANE else "",
         contype=0,
         conaffinity=0,
     )
+
+
+def _add_sky_and_tiles(spec: mujoco.MjSpec) -> None:
+    """Something to see motion against."""
+    sky = {
+        "builtin": mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        "rgb1": [0.8, 0.88, 1],
+        "rgb2": [1, 1, 1],
+    }
+    spec.add_texture(type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, width=64, height=384, **sky)
+    tiles = {"builtin": mujoco.mjtBuiltin.mjBUILTIN_CHECKER, "rgb1": [0.9] * 3, "rgb2": [0.75] * 3}
+    spec.add_texture(
+        name="tiles", type=mujoco.mjtTexture.mjTEXTURE_2D, width=128, height=128, **tiles
+    )
+    material = spec.add_material(name="tiles", texuniform=True)
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "tiles"

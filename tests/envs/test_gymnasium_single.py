@@ -11,7 +11,7 @@ from gymnasium.utils.env_match import check_environments_match
 
 import jaxsim.envs
 from jaxsim.envs import registry
-from jaxsim.envs.bridges import gymnasium_id, register_gymnasium, single
+from jaxsim.envs.bridges import batch, gymnasium_id, register_gymnasium, single
 
 UNBOUNDED = "ignore:.*Box observation space m.*imum value is -?infinity.*:UserWarning"
 
@@ -81,7 +81,8 @@ def test_a_step_is_that_of_the_environment(env):
     obs, reward, terminated, truncated, info = env.step(np.array([0.5]))
     np.testing.assert_allclose(obs, expected.obs, rtol=1e-6)
     assert reward == pytest.approx(float(expected.reward), rel=1e-6)
-    assert info == {"distance": pytest.approx(float(expected.metrics["distance"]), rel=1e-6)}
+    distance = pytest.approx(float(expected.metrics["distance"]), rel=1e-6)
+    assert info == {"distance": distance, "nonfinite": 0.0}
     assert (terminated, truncated) == (False, False)
 
 
@@ -118,6 +119,14 @@ def test_what_stable_baselines_asks_for(env):
     assert type(info) is dict
 
 
+def test_what_is_not_finite_ends_the_episode_and_goes_nowhere(env):
+    start, _ = env.reset(seed=0)
+    obs, reward, terminated, truncated, info = env.step([np.nan])
+    np.testing.assert_array_equal(obs, start)
+    assert (reward, terminated, truncated) == (0.0, True, False)
+    assert info == {"distance": 0.0, "nonfinite": 1.0}
+
+
 def test_observations_are_the_users_to_write(env):
     first, _ = env.reset(seed=0)
     kept = first.copy()
@@ -137,10 +146,10 @@ def test_equal_environments_are_compiled_once(env):
     env.reset(seed=0)
     env.step([0.0])
     twin = gymnasium.make("jaxsim/Fast-v0")
-    before = single._compiled(single._advance)._cache_size()
+    before = single._compiled(batch.guarded_step)._cache_size()
     twin.reset(seed=1)
     twin.step([0.0])
-    assert single._compiled(single._advance)._cache_size() == before
+    assert single._compiled(batch.guarded_step)._cache_size() == before
 
 
 def test_mistakes_are_named(env):

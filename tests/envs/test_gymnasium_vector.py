@@ -135,6 +135,20 @@ def test_many_environments_end_at_once_and_one_by_one():
     assert np.all(ended == 1)
 
 
+def test_what_is_not_finite_ends_that_environment_only():
+    envs = make_vec(autoreset_mode="SameStep")
+    envs.reset(seed=0)
+    actions = np.zeros((4, 1))
+    actions[2] = np.nan
+    obs, reward, terminated, _, info = envs.step(actions)
+    np.testing.assert_array_equal(terminated, [False, False, True, False])
+    np.testing.assert_array_equal(info["final_info"]["nonfinite"], [0, 0, 1, 0])
+    assert np.isfinite(obs).all()
+    assert np.isfinite(info["final_obs"][2]).all()
+    assert reward[2] == 0
+    assert np.all(reward[[0, 1, 3]] != 0)
+
+
 def test_a_batch_that_devices_do_not_divide_is_on_one():
     assert make_vec(4)._mesh.size == len(jax.devices()) == 2
     envs = make_vec(3)

@@ -68,7 +68,7 @@ def test_the_usual_time_limit_holds(library):
 def test_a_step_has_the_types_that_learners_store(envs):
     obs = envs.reset()
     assert (obs.shape, obs.dtype) == ((3, 1), np.float32)
-    assert [set(info) for info in envs.reset_infos] == [{"distance", "steps"}] * 3
+    assert [set(info) for info in envs.reset_infos] == [{"distance", "nonfinite", "steps"}] * 3
     obs, reward, done, infos = envs.step(np.zeros((3, 1), np.float32))
     assert (obs.dtype, reward.dtype, done.dtype) == (np.float32, np.float32, bool)
     assert (obs.shape, reward.shape, done.shape) == ((3, 1), (3,), (3,))

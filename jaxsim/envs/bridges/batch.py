@@ -9,6 +9,7 @@ the chain, so environment i of a batch has the same episodes as one environment 
 """
 
 import functools
+import operator
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -49,7 +50,30 @@ def root_keys(seeds: Sequence[int]) -> Array:
 def restart(env: Env, key: Array) -> tuple[EnvState, Array]:
     """A fresh episode, and the chain of keys after it."""
     key, draw = jax.random.split(key)
-    return env.reset(draw), key
+    state = env.reset(draw)
+    metrics = {**state.metrics, "nonfinite": jnp.zeros_like(state.reward)}
+    return state.replace(metrics=metrics), key
+
+
+def guarded_step(env: Env, state: EnvState, action: Float[Array, "nu"]) -> EnvState:
+    """One step; numbers that are not finite end the episode and go nowhere.
+
+    The environment then stays where it was, `terminated`, with reward 0 and
+    `metrics["nonfinite"]` 1, which otherwise is 0.
+    """
+    after = env.step(state, action)
+    seen = jax.tree.leaves((after.state, after.obs, after.reward, after.metrics))
+    finite = [jnp.isfinite(x).all() for x in seen if jnp.issubdtype(x.dtype, jnp.inexact)]
+    broken = ~functools.reduce(operator.and_, finite)
+    stay = state.replace(
+        reward=jnp.zeros_like(after.reward),
+        terminated=jnp.ones_like(after.terminated),
+        truncated=jnp.zeros_like(after.truncated),
+        metrics=jax.tree.map(jnp.zeros_like, after.metrics),
+    )
+    chosen = jax.tree.map(functools.partial(jnp.where, broken), stay, after)
+    count = broken.astype(after.reward.dtype)
+    return chosen.replace(metrics={**chosen.metrics, "nonfinite": count})
 
 
 def reset_where(env: Env, batch: Batch, mask: Bool[Array, "n"]) -> Batch:
@@ -73,7 +97,7 @@ def reset_where(env: Env, batch: Batch, mask: Bool[Array, "n"]) -> Batch:
 
 def step_all(env: Env, states: EnvState, actions: Float[Array, "n nu"]) -> EnvState:
     """One step of every environment, on a CPU in chunks that stay in cache."""
-    step = vmap(env.step)
+    step = vmap(functools.partial(guarded_step, env))
     n, limit = actions.shape[0], chunk_lanes(env.unwrapped.model)
     if jax.default_backend() != "cpu" or n <= limit:
         return step(states, actions)

@@ -119,8 +119,4 @@ def _restart(env, key):
 
 
 def _step(env, state, action):
-    return _compiled(_advance)(env, state, action)
-
-
-def _advance(env, state, action):
-    return env.step(state, action)
+    return _compiled(batch.guarded_step)(env, state, action)
