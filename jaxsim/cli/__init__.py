@@ -6,7 +6,6 @@ command runs, so that `jaxsim --help` needs neither JAX nor MuJoCo.
 
 import argparse
 import importlib
-import os
 import pathlib
 import sys
 from collections.abc import Sequence
@@ -94,7 +93,6 @@ def main(argv: Sequence[str] | None = None) -> int:
       The exit status: 0 on success, 1 if the simulation diverged, 2 for a mistake in the request.
     """
     arguments = _parser().parse_args(argv)
-    _draw_without_display()
     command = importlib.import_module(f"jaxsim.cli.{arguments.command}")
     try:
         return command.run(arguments)
@@ -123,13 +121,6 @@ def _parser() -> argparse.ArgumentParser:
     )
     commands.add_parser("envs", help="list the environments", description="List the environments.")
     return parser
-
-
-def _draw_without_display() -> None:
-    """Let MuJoCo draw on a machine without a screen; it decides when it is imported."""
-    screen = any(name in os.environ for name in ("DISPLAY", "WAYLAND_DISPLAY"))
-    if sys.platform == "linux" and not screen:
-        os.environ.setdefault("MUJOCO_GL", "egl")
 
 
 def _add_train(commands) -> None:

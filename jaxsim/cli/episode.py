@@ -1,10 +1,14 @@
 """One episode as a video, for `jaxsim train` and `jaxsim play`."""
 
+import contextlib
+import os
 import pathlib
+import sys
 from typing import Any
 
 import jax
 import numpy as np
+from mujoco.rendering.classic import gl_context
 
 from jaxsim import viz
 from jaxsim.viz.video import write_video
@@ -15,6 +19,7 @@ SLOWEST = 30.0  # frames per second that are enough for a video
 
 def save_video(env: Any, policy: Any, path: pathlib.Path, seed: int) -> str:
     """Play and draw one episode; returns what to tell the user."""
+    _draw_without_screen()
     try:
         frames, fps = _frames(env, policy, seed)
         return f"video: {write_video(frames, path, fps)}"
@@ -36,3 +41,16 @@ def _frames(env: Any, policy: Any, seed: int) -> tuple[list[np.ndarray], float]:
             break
     drawing.close()
     return frames, 1 / (float(env.dt) * every)
+
+
+def _draw_without_screen() -> None:
+    """Let MuJoCo draw by EGL where there is no screen and the user has said nothing.
+
+    It has made its choice when it was imported, before anything of ours could run.
+    """
+    said = any(name in os.environ for name in ("MUJOCO_GL", "DISPLAY", "WAYLAND_DISPLAY"))
+    if sys.platform == "linux" and not said:
+        with contextlib.suppress(ImportError, AttributeError, RuntimeError):
+            from mujoco.egl import GLContext
+
+            gl_context.GLContext = GLContext

@@ -10,7 +10,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxsim.batch import vmap
-from jaxsim.batch.rollout import chunk_lanes
+from jaxsim.batch.rollout import MIN_LANES, chunk_lanes
 from jaxsim.envs import Env, EnvState
 from jaxsim.rl.distributed import AXIS
 
@@ -117,7 +117,7 @@ def collect(
         actors, (experience, episodes) = chunk((actors, key))
     else:
         keys = jax.random.split(key, count // lanes)
-        split = jax.tree.map(lambda x: x.reshape(-1, lanes, *x.shape[1:]), actors)
+        split = jax.tree.map(lambda x: x.reshape(count // lanes, lanes, *x.shape[1:]), actors)
         actors, (experience, episodes) = lax.map(chunk, (split, keys))
         actors = jax.tree.map(lambda x: x.reshape(count, *x.shape[2:]), actors)
         experience = jax.tree.map(_join_chunks, experience)
@@ -126,10 +126,12 @@ def collect(
 
 def lanes_of(env: Env, count: int) -> int:
     """How many of `count` environments to step together: all, or on a CPU what its cache holds."""
-    if jax.default_backend() != "cpu":
+    limit = chunk_lanes(env.unwrapped.model)
+    if jax.default_backend() != "cpu" or count <= limit:
         return count
-    limit = min(count, chunk_lanes(env.unwrapped.model))
-    return max(n for n in range(1, limit + 1) if count % n == 0)
+    lanes = max(n for n in range(1, limit + 1) if count % n == 0)
+    # Short vectors cost more than a cache that is too small.
+    return lanes if lanes >= MIN_LANES else count
 
 
 def _step(env: Env, act: Act, actors: Actors, key) -> tuple[Actors, tuple[Experience, Episodes]]:
@@ -161,5 +163,5 @@ def _step(env: Env, act: Act, actors: Actors, key) -> tuple[Actors, tuple[Experi
 
 def _join_chunks(x):
     """(chunks, T, lanes, ...) to (T, chunks * lanes, ...)."""
-    x = jnp.swapaxes(x, 0, 1)
-    return x.reshape(x.shape[0], -1, *x.shape[3:])
+    chunks, steps, lanes, *rest = x.shape
+    return jnp.swapaxes(x, 0, 1).reshape(steps, chunks * lanes, *rest)

@@ -216,7 +216,7 @@ class ActionRange:
         return jnp.clip(middle + half * action, low, high)
 
 
-@struct.dataclass
+@struct.dataclass(eq=False)  # compared by identity, so that `jax.jit(policy)` works
 class Policy:
     """A trained policy: `policy(obs)` is the deterministic action in the environment's units.
 

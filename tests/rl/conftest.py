@@ -1,0 +1,32 @@
+"""What tests of trainers share: tiny settings on the trivial environment."""
+
+import jax
+import pytest
+
+
+@pytest.fixture(scope="session")
+def tiny() -> dict:
+    """Settings of PPO with four epochs of 128 steps, evaluated after the second and the last."""
+    return {
+        "total_steps": 4 * 128,
+        "envs": 8,
+        "unroll": 16,
+        "minibatches": 2,
+        "passes": 2,
+        "evaluations": 2,
+        "evaluation_episodes": 4,
+        "policy": {"hidden": [8]},
+        "value": {"hidden": [8]},
+    }
+
+
+@pytest.fixture
+def bits():
+    """Function from a tree to the bytes of its leaves, to compare bit by bit."""
+
+    def plain(x):
+        if jax.dtypes.issubdtype(x.dtype, jax.dtypes.prng_key):
+            x = jax.random.key_data(x)
+        return jax.device_get(x).tobytes()
+
+    return lambda tree: [plain(x) for x in jax.tree.leaves(tree)]

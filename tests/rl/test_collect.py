@@ -1,0 +1,102 @@
+"""Experience is what the environment says, whatever the chunks; episodes are counted."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jax.sharding import Mesh, PartitionSpec
+
+from jaxsim import envs
+from jaxsim.rl import collect as module
+from jaxsim.rl.collect import collect, start_actors
+from jaxsim.rl.distributed import device_mesh, parallel
+
+STEPS, COUNT = 50, 6
+
+
+def push(obs, key):
+    """Away from the middle, so that some episodes end early and others are cut short."""
+    action = jnp.where(obs > 0.3, 1.0, 0.1)
+    return action, {"sign": jnp.sign(obs)}
+
+
+@pytest.fixture
+def env():
+    return envs.AutoReset(envs.make("fast"))
+
+
+@pytest.fixture
+def keys():
+    return jax.random.split(jax.random.key(3), COUNT)
+
+
+def run(env, keys, lanes, monkeypatch):
+    monkeypatch.setattr(module, "lanes_of", lambda env, count: lanes)
+    collected = jax.jit(
+        lambda keys: collect(env, push, start_actors(env, keys), jax.random.key(0), STEPS)
+    )
+    return collected(keys)
+
+
+def by_hand(env, key):
+    """One environment, one step at a time."""
+    state, rows = jax.jit(env.reset)(key), []
+    step = jax.jit(env.step)
+    for _ in range(STEPS):
+        obs = state.obs
+        state = step(state, push(obs, None)[0])
+        rows.append((obs, state.reward, state.info["terminal_obs"], state.done))
+    return [np.stack(column) for column in zip(*rows, strict=True)]
+
+
+@pytest.mark.parametrize("lanes", [6, 2])
+def test_agrees_with_stepping_by_hand(env, keys, lanes, monkeypatch):
+    _, seen, episodes = run(env, keys, lanes, monkeypatch)
+    ends = 0
+    for i in range(COUNT):
+        obs, reward, next_obs, done = by_hand(env, keys[i])
+        np.testing.assert_allclose(seen.obs[:, i], obs, atol=1e-6)
+        np.testing.assert_allclose(seen.reward[:, i], reward, atol=1e-6)
+        np.testing.assert_allclose(seen.next_obs[:, i], next_obs, atol=1e-6)
+        np.testing.assert_array_equal((seen.terminated | seen.truncated)[:, i], done)
+        ends += done.sum()
+    np.testing.assert_array_equal(seen.extras["sign"], jnp.sign(seen.obs))
+    assert episodes.count == ends > COUNT
+    assert seen.terminated.any()
+    assert seen.truncated.any()
+
+
+def test_next_observation_is_the_next_one_within_an_episode(env, keys, monkeypatch):
+    _, seen, _ = run(env, keys, 3, monkeypatch)
+    going = ~(seen.terminated | seen.truncated)[:-1]
+    np.testing.assert_array_equal(seen.next_obs[:-1][going], seen.obs[1:][going])
+    assert (seen.next_obs[:-1][~going] != seen.obs[1:][~going]).all()
+
+
+def test_sums_over_episodes(env, keys, monkeypatch):
+    """Rewards of ended episodes and of unfinished ones are all rewards."""
+    actors, seen, episodes = run(env, keys, 2, monkeypatch)
+    np.testing.assert_allclose(
+        episodes.returns + actors.episode_return.sum(), seen.reward.sum(), rtol=1e-4
+    )
+    assert episodes.lengths + actors.episode_length.sum() == STEPS * COUNT
+    assert episodes.nonfinite == 0
+
+
+def test_metrics_are_means_over_the_episodes_of_all_devices(env, keys):
+    def part(keys):
+        return collect(env, push, start_actors(env, keys), jax.random.key(0), STEPS)[2].metrics()
+
+    mesh = device_mesh()
+    on_two = parallel(part, mesh, PartitionSpec("batch"), PartitionSpec())(keys)
+    one = Mesh(np.array(jax.devices()[:1]), ("batch",))
+    on_one = parallel(part, one, PartitionSpec("batch"), PartitionSpec())(keys)
+    for name, value in on_one.items():
+        np.testing.assert_allclose(on_two[name], value, rtol=1e-5)
+
+
+def test_chunks_divide_the_environments(env):
+    assert module.lanes_of(env, 8) == 8
+    assert module.lanes_of(env, 512) == 256
+    assert module.lanes_of(env, 300) == 150
+    assert module.lanes_of(env, 257) == 257

@@ -1,0 +1,139 @@
+"""Training as a whole: schedule, logs, resume to the last bit, interrupts, NaN, devices."""
+
+import dataclasses
+import os
+import signal
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from flax import struct
+
+from jaxsim import envs
+from jaxsim.envs import Wrapper
+from jaxsim.rl import driver, metrics, train
+from jaxsim.rl.checkpoint import CheckpointError
+from jaxsim.rl.driver import load_policy
+
+
+@pytest.fixture(scope="module")
+def whole(tiny):
+    """A training from beginning to end."""
+    return train("fast", settings=tiny)
+
+
+def test_history_and_evaluations(whole):
+    result = whole
+    assert [row["steps"] for row in result.history] == [128, 256, 384, 512]
+    assert [row["steps"] for row in result.evaluations] == [256, 512]
+    seconds = [row["seconds"] for row in result.history]
+    assert seconds == sorted(seconds)
+    assert not result.interrupted
+
+
+def test_target_ends_training(tiny):
+    result = train("fast", settings=tiny | {"target": -1e9})
+    assert result.history[-1]["steps"] == 256
+
+
+def test_seed_decides_everything(whole, tiny, bits):
+    again, other = (train("fast", settings=tiny, seed=s).training for s in (0, 1))
+    assert bits(whole.training) == bits(again)
+    assert bits(whole.training.learner.params) != bits(other.learner.params)
+
+
+def interrupt_after(steps, monkeypatch):
+    """Send this process the signal of Ctrl-C when a row has been written."""
+    write = metrics.Logs.write
+
+    def interrupted(self, row):
+        write(self, row)
+        if row["steps"] == steps:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(metrics.Logs, "write", interrupted)
+
+
+def test_interrupt_saves_and_resume_is_bit_identical(whole, tiny, bits, tmp_path, monkeypatch):
+    """The epoch in progress is finished and saved; what follows is as if nothing had happened."""
+    directory, handler = tmp_path / "run", signal.getsignal(signal.SIGINT)
+    with monkeypatch.context() as context:
+        interrupt_after(128, context)
+        first = train("fast", settings=tiny, directory=directory)
+    assert first.interrupted
+    assert [row["steps"] for row in first.history] == [128, 256]
+    assert signal.getsignal(signal.SIGINT) is handler
+    resumed = train("fast", settings=tiny, directory=directory, resume=True)
+    assert [row["steps"] for row in resumed.history] == [384, 512]
+    assert bits(resumed.training) == bits(whole.training)
+    assert resumed.history[-1]["eval_return"] == whole.history[-1]["eval_return"]
+    rows = metrics.read(directory / "metrics.jsonl")
+    assert [row["steps"] for row in rows] == [128, 256, 384, 512]
+    assert rows[-1]["seconds"] > rows[1]["seconds"]
+
+
+def test_directory_of_a_run(whole, tiny, tmp_path, bits):
+    with pytest.raises(CheckpointError, match="is not the directory of a run"):
+        load_policy(tmp_path)
+    train("fast", settings=tiny, directory=tmp_path / "run")
+    assert bits(load_policy(tmp_path / "run")) == bits(whole.policy)
+    assert list((tmp_path / "run" / "tensorboard").iterdir())
+    with pytest.raises(CheckpointError, match="holds a run already; resume it, or choose"):
+        train("fast", settings=tiny, directory=tmp_path / "run")
+
+
+def test_environment_without_a_name(tiny, tmp_path):
+    train(envs.make("fast"), settings=tiny, directory=tmp_path / "run")
+    with pytest.raises(CheckpointError, match="an environment without a name; pass env"):
+        load_policy(tmp_path / "run")
+    policy = load_policy(tmp_path / "run", envs.make("fast"))
+    assert policy(jnp.zeros(1)).shape == (1,)
+
+
+@struct.dataclass
+class Explosive(Wrapper):
+    """Numbers go wrong wherever the point gets far to the right."""
+
+    def step(self, state, action):
+        after = self.env.step(state, action)
+        bad = after.obs[0] > 1.0
+        return after.replace(
+            obs=jnp.where(bad, jnp.nan, after.obs), reward=jnp.where(bad, jnp.inf, after.reward)
+        )
+
+
+def test_environments_that_explode_are_counted_and_do_not_poison(tiny):
+    result = train(Explosive(envs.make("fast")), settings=tiny)
+    assert sum(row["nonfinite"] for row in result.history) > 0
+    for leaf in jax.tree.leaves(jax.device_get(result.training)):
+        if not jax.dtypes.issubdtype(leaf.dtype, jax.dtypes.prng_key):
+            assert np.isfinite(leaf).all()
+    assert np.isfinite(result.history[-1]["eval_return"])
+
+
+def test_devices_learn_the_same(whole):
+    """All parameters are the same on both devices, and environments are split between them."""
+    training = whole.training
+    for leaf in jax.tree.leaves(training.learner.params):
+        one, two = (np.asarray(shard.data) for shard in leaf.addressable_shards)
+        np.testing.assert_array_equal(one, two)
+    lengths = training.actors.envs.episode_length
+    assert [s.data.shape for s in lengths.addressable_shards] == [(4,), (4,)]
+
+
+def test_settings_may_be_a_file_or_a_record(tiny, tmp_path):
+    path = tmp_path / "settings.yaml"
+    path.write_text("envs: 16\nunroll: 4\n")
+    settings = driver.resolve("fast", "ppo", path, ["passes=3"])
+    assert (settings.envs, settings.unroll, settings.passes) == (16, 4, 3)
+    assert driver.resolve("fast", "ppo", settings) == settings
+    assert driver.resolve("inverted_pendulum", "ppo") != driver.module("ppo").Config()
+    assert dataclasses.is_dataclass(settings)
+
+
+def test_progress_bar_shows_reward_and_speed(tiny, capsys):
+    train("fast", settings=tiny, progress=True)
+    shown = capsys.readouterr().err
+    for word in ("ppo on fast", "reward", "evaluated", "steps/s", "left"):
+        assert word in shown
