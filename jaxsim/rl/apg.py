@@ -1,0 +1,222 @@
+"""Analytic policy gradient: the gradient of the return itself, through truncated rollouts.
+
+One epoch: every environment takes `unroll` steps with the present policy; the gradient of the
+discounted rewards flows back through policy and physics into the policy's parameters, and Adam
+takes one step. No value function is learnt, so the policy sees as far as the gradient does: it is
+cut every `horizon` steps, for beyond some length it explodes (Metz et al. 2021, "Gradients are not
+all you need"). All of it is one compiled program, in which each device works on its own
+environments and gradients are averaged.
+"""
+
+import dataclasses
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import optax
+from flax import struct
+from jax import lax
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Bool, Float
+
+from jaxsim.envs import Env
+from jaxsim.rl.algorithm import Algorithm
+from jaxsim.rl.collect import Actors, collect, start_actors
+from jaxsim.rl.config import ConfigError, NetworkConfig, TrainConfig
+from jaxsim.rl.differentiable import (
+    NO_LIMIT,
+    Differentiable,
+    cut_episodes,
+    discounts,
+    spread_episodes,
+)
+from jaxsim.rl.distributed import AXIS
+from jaxsim.rl.networks import ActionRange, Policy, TanhGaussianPolicy
+from jaxsim.rl.normalize import RunningStatistics
+
+NETWORK = NetworkConfig(activation="elu")
+
+
+@dataclasses.dataclass(frozen=True)
+class Config(TrainConfig):
+    """Settings of the analytic policy gradient.
+
+    Attributes:
+      unroll: steps of each environment for one step of the policy.
+      horizon: steps through which gradients flow; divides `unroll`.
+      episode_steps: training cuts episodes after this many steps, so that starts are seen more
+        often. None for the length that the task has.
+      discount: factor per step of the return, within a horizon.
+      learning_rate: step size of Adam at the start; decreases to zero.
+      momentum: Adam's averaging of gradients and of their squares.
+      max_grad_norm: longer gradients are scaled down to this norm.
+      max_step_gradient: longer gradients of one environment with respect to the state and
+        action of one step are scaled down to this norm.
+      normalize_obs: subtract the running mean of the observations, divide by their deviation.
+      entropy: worth of a nat of the policy's entropy in each step.
+      policy: network of the policy.
+    """
+
+    envs: int = 128
+    unroll: int = 64
+    horizon: int = 64
+    episode_steps: int | None = None
+    discount: float = 1.0
+    learning_rate: float = 2e-3
+    momentum: tuple[float, ...] = (0.7, 0.95)
+    max_grad_norm: float = 1.0
+    max_step_gradient: float = NO_LIMIT
+    normalize_obs: bool = True
+    entropy: float = 0.0
+    policy: NetworkConfig = NETWORK
+
+
+@struct.dataclass
+class Learner:
+    """What is learnt; the same on all devices.
+
+    Attributes:
+      params: parameters of the policy.
+      optimizer: state of Adam.
+      obs: statistics of the observations.
+      key: random numbers of the epochs to come.
+      epoch: epochs so far.
+    """
+
+    params: Any
+    optimizer: optax.OptState
+    obs: RunningStatistics
+    key: Any
+    epoch: Any
+
+
+def make(env: Env, config: Config, devices: int) -> Algorithm:
+    """The algorithm on an environment (with `AutoReset`), on this many devices."""
+    _check(config, devices)
+    apg = APG(env, config)
+    return Algorithm(
+        config=config,
+        init=apg.init,
+        start=apg.start,
+        epoch=apg.epoch,
+        policy=apg.policy,
+        steps_per_epoch=config.envs * config.unroll,
+    )
+
+
+class APG:
+    """The algorithm as functions for one device, with its environment, settings and network."""
+
+    def __init__(self, env: Env, config: Config):
+        env = cut_episodes(env, config.episode_steps)
+        self.env, self.config = Differentiable(env, config.max_step_gradient), config
+        self.scale = ActionRange.of(env)
+        self.network = TanhGaussianPolicy(
+            env.action_size, config.policy.hidden, config.policy.activation
+        )
+        # Flattened, the update of all parameters is a few vector operations.
+        self.adam = optax.flatten(
+            optax.chain(
+                optax.clip_by_global_norm(config.max_grad_norm),
+                optax.scale_by_adam(*config.momentum),
+            )
+        )
+        self.epochs = max(1, config.total_steps // (config.envs * config.unroll))
+
+    def init(self, key) -> Learner:
+        """Parameters before training."""
+        key, params_key = jax.random.split(key)
+        obs = jnp.zeros(self.env.observation_size)
+        params = self.network.init(params_key, obs)
+        return Learner(
+            params=params,
+            optimizer=self.adam.init(params),
+            obs=RunningStatistics.start(obs.shape),
+            key=key,
+            epoch=jnp.zeros((), int),
+        )
+
+    def start(self, learner: Learner, keys) -> Actors:
+        """Reset one environment for each key, and spread the ends of their episodes."""
+        return spread_episodes(start_actors(self.env, keys), keys, self.config.episode_steps)
+
+    def policy(self, learner: Learner) -> Policy:
+        """The present policy."""
+        statistics = learner.obs if self.config.normalize_obs else None
+        return Policy(learner.params, statistics, self.scale, self.network)
+
+    def epoch(self, learner: Learner, actors: Actors):
+        """Improve the policy by the gradient of a rollout."""
+        key, carry = jax.random.split(learner.key)
+        key = jax.random.fold_in(key, lax.axis_index(AXIS))
+        gradient, (actors, obs, episodes, objective) = jax.grad(self.loss, has_aux=True)(
+            learner.params, learner, actors, key
+        )
+        # One collective for everything, as each of them costs a rendezvous of all devices.
+        flat, unravel = ravel_pytree((gradient, objective))
+        flat = lax.pmean(flat, AXIS)
+        gradient, objective = unravel(flat)
+        rate = self.config.learning_rate * jnp.clip(1 - learner.epoch / self.epochs, 0.0, 1.0)
+        step, optimizer = self.adam.update(gradient, learner.optimizer)
+        params = jax.tree.map(lambda p, s: p - (rate * s).astype(p.dtype), learner.params, step)
+        improved = learner.replace(params=params, optimizer=optimizer)
+        # Numbers that are not finite must not reach the parameters, whatever they came from.
+        fine = jnp.isfinite(flat).all()
+        learner = jax.tree.map(lambda new, old: jnp.where(fine, new, old), improved, learner)
+        learner = learner.replace(
+            # From the next epoch on: within an epoch the policy must see one normalisation.
+            obs=learner.obs.update(obs.reshape(-1, obs.shape[-1]), AXIS),
+            key=carry,
+            epoch=learner.epoch + 1,
+        )
+        losses = {"objective": objective, "policy_gradient": optax.global_norm(gradient)}
+        return learner, actors, {**episodes.metrics(), **losses}
+
+    def loss(self, params, learner: Learner, actors: Actors, key):
+        """Minus the mean objective of this device's environments, and what was seen."""
+        policy = self.policy(learner.replace(params=params))
+
+        def act(obs, key):
+            action, log_prob = policy.distribution(obs).sample_and_log_prob(key)
+            return self.scale(action), -log_prob
+
+        def window(actors, key):
+            actors, seen, episodes = collect(self.env, act, actors, key, self.config.horizon)
+            objective = jax.vmap(truncated_return, in_axes=(1, 1, None))(
+                seen.reward + self.config.entropy * seen.extras,
+                seen.terminated | seen.truncated,
+                self.config.discount,
+            ).mean()
+            # Here the gradient is cut: the next window takes the state as it is.
+            return lax.stop_gradient(actors), (objective, lax.stop_gradient((seen.obs, episodes)))
+
+        keys = jax.random.split(key, self.config.unroll // self.config.horizon)
+        actors, (objective, (obs, episodes)) = lax.scan(window, actors, keys)
+        objective = objective.mean()
+        episodes = jax.tree.map(jnp.sum, episodes)
+        return -objective, (actors, obs, episodes, lax.stop_gradient(objective))
+
+
+def truncated_return(
+    reward: Float[Array, "T"], done: Bool[Array, "T"], discount: float
+) -> Float[Array, ""]:
+    """sum_t w_t r_t, with w_t the discount since the last start of an episode, or of the data.
+
+    Args:
+      reward: r_t.
+      done: whether the episode ended with step t, for either reason.
+      discount: factor per step.
+    """
+    return jnp.sum(discounts(done, discount).astype(reward.dtype) * reward)
+
+
+def _check(config: Config, devices: int) -> None:
+    """Sizes must divide; said before anything is compiled."""
+    if config.envs % devices:
+        raise ConfigError(f"envs must be a multiple of the {devices} devices, got {config.envs}")
+    if config.unroll % config.horizon:
+        raise ConfigError(
+            f"unroll must be a multiple of horizon ({config.horizon}), got {config.unroll}"
+        )
+    if len(config.momentum) != 2:
+        raise ConfigError(f"momentum must be two numbers, got {config.momentum}")

@@ -1,0 +1,106 @@
+"""Environments that gradients flow through, in bounded memory and with bounded gradients."""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+from flax import struct
+from jaxtyping import Array, Bool, Float
+
+from jaxsim.envs import EnvState, TimeLimit, Wrapper, extended
+from jaxsim.envs.wrappers import AutoReset
+from jaxsim.rl.collect import Actors
+
+# Any number beyond which a gradient is an accident of the floating point format.
+NO_LIMIT = 1e18
+
+
+@struct.dataclass
+class Differentiable(Wrapper):
+    """The same environment, prepared for reverse mode through many steps.
+
+    The backward pass repeats each step instead of remembering what happened within it, so that a
+    rollout keeps its states only. What flows back through a step is made harmless: if it is not
+    finite (a simulation that diverged, which `AutoReset` replaces), this environment adds
+    nothing to the gradient; if it is longer than `limit`, it is scaled down to it, which tames
+    the products of Jacobians that grow exponentially in chaotic motion. The other environments
+    of a batch are not affected.
+
+    Attributes:
+      limit: greatest norm of the cotangent of state and action of one step.
+    """
+
+    limit: float = struct.field(pytree_node=False, default=NO_LIMIT)
+
+    def step(self, state: EnvState, action: Float[Array, "nu"]) -> EnvState:
+        """Act for one step."""
+        state, action = limit_gradient((state, action), self.limit)
+        return jax.checkpoint(self.env.step)(state, action)
+
+
+def limit_gradient(tree, limit: float = NO_LIMIT):
+    """The identity, whose cotangent g becomes `g min(1, limit / |g|)`, or zero if not finite.
+
+    Args:
+      tree: arrays of any types; |g| is the norm over all those of floating point together.
+      limit: greatest norm that passes.
+    """
+    leaves, structure = jax.tree.flatten(tree)
+    smooth = [jnp.issubdtype(x.dtype, jnp.floating) for x in leaves]
+    limited = iter(_limited(limit, [x for x, s in zip(leaves, smooth, strict=True) if s]))
+    return structure.unflatten(
+        [next(limited) if s else x for x, s in zip(leaves, smooth, strict=True)]
+    )
+
+
+@functools.partial(jax.custom_vjp, nondiff_argnums=(0,))
+def _limited(limit: float, leaves):
+    return leaves
+
+
+def _forward(limit: float, leaves):
+    return leaves, None
+
+
+def _backward(limit: float, _, cotangents):
+    square = sum((jnp.sum(jnp.square(c)) for c in cotangents), start=jnp.zeros(()))
+    # An overflow of the square is as bad as a NaN, and ends here too.
+    factor = jnp.minimum(1, limit * jax.lax.rsqrt(jnp.maximum(square, 1e-30)))
+    finite = jnp.isfinite(square)
+    return ([jnp.where(finite, factor.astype(c.dtype) * c, 0) for c in cotangents],)
+
+
+_limited.defvjp(_forward, _backward)
+
+
+def cut_episodes(env: AutoReset, steps: int | None) -> AutoReset:
+    """The environment with episodes of at most this many steps; None changes nothing."""
+    return env if steps is None else env.replace(env=TimeLimit(env.env, max_episode_steps=steps))
+
+
+def spread_episodes(actors: Actors, keys, steps: int | None) -> Actors:
+    """Let the first episodes end at different times, as if they had begun earlier.
+
+    Environments that all start and end together would show the learner one phase of the task
+    after another. Only the counter of `TimeLimit` is moved; without `steps` nothing is.
+    """
+    if steps is None:
+        return actors
+    begun = jax.vmap(lambda key: jax.random.randint(jax.random.fold_in(key, 1), (), 0, steps))(keys)
+    return actors.replace(env=extended(actors.env, steps=begun.astype(jnp.int32)))
+
+
+def discounts(done: Bool[Array, "T"], discount: float) -> Float[Array, "T"]:
+    """Weights w_t of rewards that are counted from the last start of an episode.
+
+    w_0 = 1,   w_{t+1} = 1 where an episode ended with step t, else discount w_t
+
+    Args:
+      done: whether the episode ended with a step, for either reason.
+      discount: factor per step.
+    """
+
+    def body(weight, done):
+        return jnp.where(done, 1, discount * weight).astype(weight.dtype), weight
+
+    return jax.lax.scan(body, jnp.ones(()), done)[1]

@@ -1,0 +1,338 @@
+"""Soft actor-critic (Haarnoja et al. 2018), with a replay buffer on the devices.
+
+One epoch: every environment takes `unroll` steps with the present random policy, which go into a
+buffer of the latest steps; then policy, two critics and the temperature are fitted to random
+batches from the buffer, `updates` times. The policy maximises rewards plus temperature times
+entropy; the temperature is what keeps the entropy near its target. All of it is one compiled
+program, in which each device has its own environments and buffer and gradients are averaged.
+"""
+
+import dataclasses
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import optax
+from flax import linen as nn
+from flax import struct
+from jax import lax
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Bool, Float
+
+from jaxsim.envs import Env
+from jaxsim.rl.algorithm import Algorithm
+from jaxsim.rl.collect import Actors, Experience, collect, start_actors
+from jaxsim.rl.config import ConfigError, NetworkConfig, TrainConfig
+from jaxsim.rl.distributed import AXIS
+from jaxsim.rl.networks import MLP, ActionRange, Policy, TanhGaussianPolicy
+from jaxsim.rl.normalize import RunningStatistics
+
+NETWORK = NetworkConfig((128, 128), "relu")
+
+
+@dataclasses.dataclass(frozen=True)
+class Config(TrainConfig):
+    """Settings of SAC.
+
+    Attributes:
+      unroll: steps of each environment in one epoch.
+      updates: gradient steps of one epoch.
+      batch: steps of the buffer in one gradient step, on all devices together.
+      capacity: steps in the buffer, on all devices together.
+      warmup: steps in all environments together before learning starts; the actions are random.
+      discount: factor per step of the return.
+      learning_rate: step size of Adam, for everything that is learnt.
+      follow: part of the way to the critics that their target copies go in one gradient step.
+      entropy: the entropy of the policy, per action and in nats, that the temperature aims at.
+      initial_temperature: worth of a nat before training.
+      normalize_obs: subtract the running mean of the observations, divide by their deviation.
+      reward_scale: factor on the rewards that the learner sees.
+      policy: network of the policy.
+      value: network of each critic.
+    """
+
+    envs: int = 64
+    unroll: int = 1
+    updates: int = 16
+    batch: int = 256
+    capacity: int = 262_144
+    warmup: int = 8192
+    discount: float = 0.99
+    learning_rate: float = 3e-4
+    follow: float = 0.005
+    entropy: float = -1.0
+    initial_temperature: float = 0.2
+    normalize_obs: bool = False
+    reward_scale: float = 1.0
+    policy: NetworkConfig = NETWORK
+    value: NetworkConfig = NETWORK
+
+
+@struct.dataclass
+class Learner:
+    """What SAC learns; the same on all devices.
+
+    Attributes:
+      params: parameters of "policy" and "critics", and the logarithm of the "temperature".
+      target: parameters of the target critics.
+      optimizer: state of Adam.
+      obs: statistics of the observations.
+      key: random numbers of the epochs to come.
+      epoch: epochs so far; says where the buffer goes on.
+    """
+
+    params: dict[str, Any]
+    target: Any
+    optimizer: optax.OptState
+    obs: RunningStatistics
+    key: Any
+    epoch: Any
+
+
+@struct.dataclass
+class Transition:
+    """Steps of environments, in any order; leaves have the steps in front.
+
+    Attributes:
+      obs: observation on which the action was chosen.
+      action: action of the network, within (-1, 1).
+      reward: reward, scaled.
+      next_obs: observation after the step.
+      terminated: the episode ended; one that was cut short goes on in the critics' eyes.
+    """
+
+    obs: Float[Array, "n obs"]
+    action: Float[Array, "n nu"]
+    reward: Float[Array, "n"]
+    next_obs: Float[Array, "n obs"]
+    terminated: Bool[Array, "n"]
+
+
+@struct.dataclass
+class SACActors:
+    """Environments, and the buffer of the latest steps."""
+
+    envs: Actors
+    buffer: Transition
+
+
+class Critics(nn.Module):
+    """Two values of an action, from networks of their own."""
+
+    hidden: tuple[int, ...]
+    activation: str
+
+    @nn.compact
+    def __call__(self, obs, action) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"]]:
+        """Estimate the return that follows an action."""
+        x = jnp.concatenate([obs, action], axis=-1)
+        first, second = (MLP(self.hidden, 1, self.activation)(x)[..., 0] for _ in range(2))
+        return first, second
+
+
+def make(env: Env, config: Config, devices: int) -> Algorithm:
+    """SAC on an environment (with `AutoReset`), on this many devices."""
+    _check(config, devices)
+    sac = SAC(env, config, devices)
+    return Algorithm(
+        config=config,
+        init=sac.init,
+        start=sac.start,
+        epoch=sac.epoch,
+        policy=sac.policy,
+        steps_per_epoch=config.envs * config.unroll,
+    )
+
+
+class SAC:
+    """The algorithm as functions for one device, with its environment, settings and networks."""
+
+    def __init__(self, env: Env, config: Config, devices: int):
+        self.env, self.config = env, config
+        self.scale = ActionRange.of(env)
+        self.network = TanhGaussianPolicy(
+            env.action_size, config.policy.hidden, config.policy.activation
+        )
+        self.critics = Critics(config.value.hidden, config.value.activation)
+        self.adam = optax.flatten(optax.adam(config.learning_rate))
+        self.rows = config.envs * config.unroll // devices
+        self.capacity = config.capacity // devices
+        self.batch = config.batch // devices
+
+    def init(self, key) -> Learner:
+        """Parameters before training."""
+        key, policy_key, critics_key = jax.random.split(key, 3)
+        obs, action = jnp.zeros(self.env.observation_size), jnp.zeros(self.env.action_size)
+        critics = self.critics.init(critics_key, obs, action)
+        params = {
+            "policy": self.network.init(policy_key, obs),
+            "critics": critics,
+            "temperature": jnp.log(jnp.asarray(self.config.initial_temperature, float)),
+        }
+        return Learner(
+            params=params,
+            # A copy: what the compiled epoch may overwrite must not be one array twice.
+            target=jax.tree.map(jnp.copy, critics),
+            optimizer=self.adam.init(params),
+            obs=RunningStatistics.start(obs.shape),
+            key=key,
+            epoch=jnp.zeros((), int),
+        )
+
+    def start(self, learner: Learner, keys) -> SACActors:
+        """Reset one environment for each key; the buffer is empty."""
+        size, actions = self.env.observation_size, self.env.action_size
+        empty = lambda *shape: jnp.zeros((self.capacity, *shape))  # noqa: E731
+        buffer = Transition(
+            empty(size), empty(actions), empty(), empty(size), jnp.zeros(self.capacity, bool)
+        )
+        return SACActors(start_actors(self.env, keys), buffer)
+
+    def policy(self, learner: Learner) -> Policy:
+        """The present policy."""
+        statistics = learner.obs if self.config.normalize_obs else None
+        return Policy(learner.params["policy"], statistics, self.scale, self.network)
+
+    def epoch(self, learner: Learner, actors: SACActors):
+        """Collect experience, then learn from the buffer."""
+        key, carry = jax.random.split(learner.key)
+        key = jax.random.fold_in(key, lax.axis_index(AXIS))
+        act_key, fit_key = jax.random.split(key)
+        policy = self.policy(learner)
+        steps = learner.epoch * (self.config.envs * self.config.unroll)
+        warm = steps >= self.config.warmup
+
+        def act(obs, key):
+            action = policy.distribution(obs).sample(key)
+            action = jnp.where(warm, action, jax.random.uniform(key, action.shape, minval=-1.0))
+            return self.scale(action), action
+
+        envs, seen, episodes = collect(self.env, act, actors.envs, act_key, self.config.unroll)
+        buffer = self.remember(actors.buffer, seen, learner.epoch)
+        known = jnp.minimum((learner.epoch + 1) * self.rows, self.capacity)
+        fitted, losses = self.fit(learner, buffer, known, fit_key)
+        learner = jax.tree.map(lambda new, old: jnp.where(warm, new, old), fitted, learner)
+        learner = learner.replace(
+            obs=learner.obs.update(seen.obs.reshape(-1, seen.obs.shape[-1]), AXIS),
+            key=carry,
+            epoch=learner.epoch + 1,
+        )
+        losses["temperature"] = jnp.exp(learner.params["temperature"])
+        return learner, SACActors(envs, buffer), {**episodes.metrics(), **losses}
+
+    def remember(self, buffer: Transition, seen: Experience, epoch) -> Transition:
+        """Put the steps of an epoch in place of the oldest ones."""
+        steps = Transition(
+            obs=seen.obs,
+            action=seen.extras,
+            reward=self.config.reward_scale * seen.reward,
+            next_obs=seen.next_obs,
+            terminated=seen.terminated,
+        )
+        place = (epoch * self.rows) % self.capacity
+        return jax.tree.map(
+            lambda old, new: lax.dynamic_update_slice_in_dim(
+                old, new.reshape(-1, *new.shape[2:]), place, 0
+            ),
+            buffer,
+            steps,
+        )
+
+    def fit(self, learner: Learner, buffer: Transition, known, key):
+        """All gradient steps of an epoch; `known` steps of the buffer are filled."""
+
+        def body(learner, key):
+            rows_key, loss_key = jax.random.split(key)
+            rows = jax.random.randint(rows_key, (self.batch,), 0, known)
+            return self.update(learner, jax.tree.map(lambda x: x[rows], buffer), loss_key)
+
+        learner, losses = lax.scan(body, learner, jax.random.split(key, self.config.updates))
+        return learner, {name: jnp.nanmean(x) for name, x in losses.items()}
+
+    def update(self, learner: Learner, batch: Transition, key) -> tuple[Learner, dict[str, Array]]:
+        """One gradient step of everything."""
+        gradient, losses = jax.grad(self.loss, has_aux=True)(learner.params, learner, batch, key)
+        # One collective for everything, as each of them costs a rendezvous of all devices.
+        flat, unravel = ravel_pytree((gradient, losses))
+        flat = lax.pmean(flat, AXIS)
+        gradient, losses = unravel(flat)
+        step, optimizer = self.adam.update(gradient, learner.optimizer)
+        params = optax.apply_updates(learner.params, step)
+        follow = lambda old, new: old + self.config.follow * (new - old)  # noqa: E731
+        updated = learner.replace(
+            params=params,
+            target=jax.tree.map(follow, learner.target, params["critics"]),
+            optimizer=optimizer,
+        )
+        # Numbers that are not finite must not reach the parameters, whatever they came from.
+        fine = jnp.isfinite(flat).all()
+        return jax.tree.map(lambda new, old: jnp.where(fine, new, old), updated, learner), losses
+
+    def loss(self, params, learner: Learner, batch: Transition, key):
+        """Sum of three losses; `stop_gradient` keeps each to its own parameters."""
+        now_key, next_key = jax.random.split(key)
+        normalize = learner.obs.normalize if self.config.normalize_obs else lambda x: x
+        obs, next_obs = normalize(batch.obs), normalize(batch.next_obs)
+        frozen = lax.stop_gradient(params)
+        temperature = jnp.exp(frozen["temperature"])
+
+        after = self.network.apply(frozen["policy"], next_obs)
+        next_action, next_log_prob = after.sample_and_log_prob(next_key)
+        target = soft_target(
+            batch.reward,
+            jnp.minimum(*self.critics.apply(learner.target, next_obs, next_action)),
+            next_log_prob,
+            batch.terminated,
+            temperature,
+            self.config.discount,
+        )
+        values = self.critics.apply(params["critics"], obs, batch.action)
+        critic_loss = sum(0.5 * jnp.square(value - target).mean() for value in values)
+
+        now = self.network.apply(params["policy"], obs)
+        action, log_prob = now.sample_and_log_prob(now_key)
+        worth = jnp.minimum(*self.critics.apply(frozen["critics"], obs, action))
+        policy_loss = (temperature * log_prob - worth).mean()
+
+        entropy = -lax.stop_gradient(log_prob).mean()
+        goal = self.config.entropy * self.env.action_size
+        temperature_loss = params["temperature"] * (entropy - goal)
+        losses = {"critic_loss": critic_loss, "policy_loss": policy_loss, "entropy": entropy}
+        return critic_loss + policy_loss + temperature_loss, lax.stop_gradient(losses)
+
+
+def soft_target(
+    reward: Float[Array, "*n"],
+    next_value: Float[Array, "*n"],
+    next_log_prob: Float[Array, "*n"],
+    terminated: Bool[Array, "*n"],
+    temperature: Float[Array, ""],
+    discount: float,
+) -> Float[Array, "*n"]:
+    """What the critics should say (Haarnoja et al. 2018, eq. 3 and 5).
+
+    y = r + discount (1 - terminated) (min(Q1, Q2)(s', a') - temperature log p(a' | s'))
+
+    Args:
+      reward: r.
+      next_value: the lesser of the target critics' values of a'.
+      next_log_prob: log density of a', drawn from the present policy in s'.
+      terminated: the episode ended in s'.
+      temperature: worth of a nat of entropy.
+      discount: factor per step.
+    """
+    soft_value = next_value - temperature * next_log_prob
+    return reward + discount * jnp.where(terminated, 0, soft_value)
+
+
+def _check(config: Config, devices: int) -> None:
+    """Sizes must divide; said before anything is compiled."""
+    for name in ("envs", "batch", "capacity"):
+        value = getattr(config, name)
+        if value % devices:
+            raise ConfigError(f"{name} must be a multiple of the {devices} devices, got {value}")
+    if config.capacity % (config.envs * config.unroll):
+        raise ConfigError(
+            f"capacity must be a multiple of envs * unroll ({config.envs * config.unroll}), "
+            f"got {config.capacity}"
+        )
