@@ -30,9 +30,7 @@ class AutoReset(Wrapper):
         key, rest = jax.random.split(key)
         state = self.env.reset(key)
         metrics = {**state.metrics, "nonfinite": jnp.zeros_like(state.reward)}
-        return extended(
-            state.replace(metrics=metrics), reset_key=rest, terminal_obs=state.obs
-        )
+        return extended(state.replace(metrics=metrics), reset_key=rest, terminal_obs=state.obs)
 
     def step(self, state, action) -> EnvState:
         """Act for one step, and start over where the episode has ended."""
