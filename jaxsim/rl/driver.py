@@ -209,7 +209,7 @@ class _Run:
                 stack.callback(output.close)
             interrupts = stack.enter_context(Interrupts())
             training = self._loop(programs, training, interrupts, store, outputs)
-        policy = jax.tree.map(jnp.asarray, jax.device_get(self.algorithm.policy(training.learner)))
+        policy = jax.tree.map(jnp.asarray, jax.device_get(programs.policy(training.learner)))
         return Result(policy, self.history, training, interrupts.seen, directory)
 
     def _loop(self, programs: Programs, training, interrupts, store, outputs) -> Training:
@@ -228,7 +228,7 @@ class _Run:
             for output in outputs:
                 output.write(row)
             if store is not None and (due or done):
-                policy = self.algorithm.policy(training.learner)
+                policy = programs.policy(training.learner)
                 store.save(self.steps, training, policy, {"seconds": row["seconds"]})
         return training
 

@@ -13,6 +13,7 @@ from jaxsim.envs import Env
 from jaxsim.rl.algorithm import Algorithm
 from jaxsim.rl.distributed import AXIS, SPECS, Training, parallel, shardings
 from jaxsim.rl.evaluate import Evaluation, evaluate
+from jaxsim.rl.networks import Policy
 
 
 @dataclasses.dataclass(frozen=True)
@@ -23,12 +24,14 @@ class Programs:
       start: `() -> Training`.
       epoch: `Training -> (Training, metrics)`; the memory of the argument is used again.
       evaluate: `learner -> Evaluation` of the deterministic policy.
+      policy: `learner -> Policy`, as arrays that all devices have.
       template: shapes and shardings of the training state.
     """
 
     start: Callable[[], Training]
     epoch: Callable[[Training], tuple[Training, dict[str, Any]]]
     evaluate: Callable[[Any], Evaluation]
+    policy: Callable[[Any], Policy]
     template: Training
 
 
@@ -57,7 +60,9 @@ def compile_all(env: Env, algorithm: Algorithm, seed: int, mesh: Mesh) -> Progra
         (everywhere,),
         everywhere,
     )
-    lowered = [start.lower(), epoch.lower(template), judge.lower(template.learner)]
+    policy = parallel(algorithm.policy, mesh, (everywhere,), everywhere)
+    lowered = [start.lower(), epoch.lower(template)]
+    lowered += [f.lower(template.learner) for f in (judge, policy)]
     with concurrent.futures.ThreadPoolExecutor() as pool:
         compiled = list(pool.map(lambda program: program.compile(), lowered))
     return Programs(*compiled, template)

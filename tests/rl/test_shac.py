@@ -1,0 +1,125 @@
+"""SHAC: its gradient is that of its objective, its targets are right, and it learns."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxsim import envs
+from jaxsim.rl import config, shac, train
+from jaxsim.rl.collect import Experience
+from jaxsim.rl.config import ConfigError
+from jaxsim.rl.shac import SHAC, horizon_objective
+
+TINY = {
+    "envs": 4,
+    "horizon": 6,
+    "minibatches": 2,
+    "evaluation_episodes": 4,
+    "policy": {"hidden": [8]},
+    "value": {"hidden": [8]},
+}
+
+
+def build(env, **changes):
+    """SHAC with tiny settings, a learner, and environments."""
+    trainer = SHAC(envs.AutoReset(env), config.build(shac.Config, TINY | changes))
+    learner = trainer.init(jax.random.key(0))
+    return trainer, learner, trainer.start(learner, jax.random.split(jax.random.key(1), 4))
+
+
+@pytest.mark.parametrize("name", ["fast", "pendulum"])
+def test_gradient_is_that_of_the_objective(x64, name):
+    """Central differences in float64 agree, although episodes end within the horizon."""
+    env = envs.make(name, max_episode_steps=4)
+    trainer, learner, actors = build(env, entropy=0.1)
+    wide = lambda tree: jax.tree.map(lambda x: x.astype(float), tree)  # noqa: E731
+    learner = learner.replace(policy=wide(learner.policy), target=wide(learner.target))
+    key = jax.random.key(2)
+    loss = jax.jit(lambda p: trainer.loss(p, learner, actors, key)[0])
+    gradient = jax.jit(jax.grad(lambda p: trainer.loss(p, learner, actors, key)[0]))
+    found = gradient(learner.policy)
+    for seed in range(3):
+        leaves, structure = jax.tree.flatten(learner.policy)
+        keys = jax.random.split(jax.random.key(seed), len(leaves))
+        draw = [jax.random.normal(k, x.shape) for k, x in zip(keys, leaves, strict=True)]
+        way = structure.unflatten(draw)
+        at = lambda h, way=way: loss(jax.tree.map(lambda p, d: p + h * d, learner.policy, way))  # noqa: E731
+        slope = sum(jnp.vdot(g, d) for g, d in zip(jax.tree.leaves(found), draw, strict=True))
+        difference = (at(1e-5) - at(-1e-5)) / 2e-5
+        np.testing.assert_allclose(slope, difference, rtol=1e-6, atol=1e-9)
+
+
+NO, YES = False, True
+
+
+@pytest.mark.parametrize(
+    ("terminated", "truncated", "expected"),
+    [
+        # 1 + .5 * 2 + .25 * (3 + .5 * 30)
+        ([NO, NO, NO], [NO, NO, NO], 6.5),
+        # The task ends: nothing follows. 1 + .5 * 2, then 3 + .5 * 30
+        ([NO, YES, NO], [NO, NO, NO], 20.0),
+        # The episode is cut: the critic says what would follow. 1 + .5 * (2 + .5 * 20), 18
+        ([NO, NO, NO], [NO, YES, NO], 25.0),
+        # 1 + .5 * 2 + .25 * 3
+        ([NO, NO, YES], [NO, NO, NO], 2.75),
+    ],
+)
+def test_objective_by_hand(terminated, truncated, expected):
+    got = horizon_objective(
+        jnp.array([1.0, 2.0, 3.0]),
+        jnp.array([10.0, 20.0, 30.0]),
+        jnp.array(terminated),
+        jnp.array(truncated),
+        0.5,
+    )
+    np.testing.assert_allclose(got, expected)
+
+
+def test_targets_by_hand():
+    """With lambda = .5, discount .5 and V(x) = x: G = r + .5 (.5 V' + .5 G')."""
+    trainer, learner, _ = build(envs.make("fast"), decay=0.5, discount=0.5)
+    trainer.values = lambda learner, obs: obs[..., 0]
+    column = lambda *x: jnp.array(x)[:, None]  # noqa: E731
+    seen = Experience(
+        obs=column(1.0, 2.0, 5.0)[..., None],
+        action=jnp.zeros((3, 1, 1)),
+        extras=jnp.zeros((3, 1)),
+        reward=column(1.0, 2.0, 3.0),
+        next_obs=column(2.0, 4.0, 8.0)[..., None],
+        terminated=column(NO, NO, NO),
+        truncated=column(NO, YES, NO),
+    )
+    # Last: 3 + .5 * 8. Second, cut: 2 + .5 * 4. First: 1 + .5 * (.5 * 2 + .5 * 4).
+    np.testing.assert_allclose(trainer.targets(learner, seen)[:, 0], [2.5, 4.0, 7.0])
+
+
+def test_poisoned_gradient_does_not_reach_the_policy(bits):
+    trainer, learner, _ = build(envs.make("fast"))
+    gradient = jax.tree.map(jnp.ones_like, learner.policy)
+    assert bits(trainer.improve(learner, gradient, 0.1)) != bits(learner)
+    poisoned = jax.tree.map(lambda x: x.at[0].set(jnp.nan), gradient)
+    assert bits(trainer.improve(learner, poisoned, 0.1)) == bits(learner)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"envs": 7}, "envs must be a multiple of the 2 devices, got 7"),
+        ({"minibatches": 5}, r"envs \* horizon on each device \(12\) must be a multiple of"),
+        ({"momentum": 0.9}, "momentum must be two numbers"),
+    ],
+)
+def test_settings_that_make_no_sense(settings, message):
+    with pytest.raises(ConfigError, match=message):
+        train("fast", "shac", settings=TINY | settings)
+
+
+def test_learns():
+    """To stay in the middle earns 20, doing nothing about 13, leaving it much less."""
+    settings = TINY | {"total_steps": 100 * 96, "envs": 16, "evaluations": 1, "policy_rate": 1e-2}
+    result = train("fast", "shac", settings=settings)
+    assert result.evaluations[-1]["eval_return"] > 18
+    obs = jnp.array([[-0.8], [0.8]])
+    assert (result.policy(obs) * obs < 0).all()
