@@ -3,7 +3,9 @@
 import functools
 
 import gymnasium
+import jax
 import jax.numpy as jnp
+import mujoco
 import numpy as np
 from flax import struct
 from jax import lax
@@ -23,16 +25,8 @@ GYMNASIUM = {
     "swimmer": "Swimmer-v5",
     "walker2d": "Walker2d-v5",
 }
-
-
-@struct.dataclass
-class Trace:
-    """What an agent gets at the start and after each of T steps."""
-
-    obs: np.ndarray  # (T + 1, n)
-    reward: np.ndarray  # (T,)
-    terminated: np.ndarray  # (T,)
-    qpos: np.ndarray  # (T + 1, nq)
+_EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
+_NEWTON = int(mujoco.mjtSolver.mjSOL_NEWTON)
 
 
 @struct.dataclass
@@ -44,24 +38,53 @@ class Script:
     actions: np.ndarray  # (T, nu)
 
 
+@struct.dataclass
+class Trace:
+    """What an agent gets at the start and after each of T steps."""
+
+    obs: np.ndarray  # (T + 1, n)
+    reward: np.ndarray  # (T,)
+    terminated: np.ndarray  # (T,)
+
+
 @functools.cache
-def theirs(name: str, **options) -> gymnasium.Env:
-    """Gymnasium's environment without wrappers."""
-    return gymnasium.make(GYMNASIUM[name], **options).unwrapped
+def theirs(name: str, euler: bool = False, converged: bool = False, **options) -> gymnasium.Env:
+    """Gymnasium's environment without wrappers.
+
+    Args:
+      name: our name of the task.
+      euler: integrate by semi-implicit Euler whatever the task says.
+      converged: solve for the contact forces to the end.
+      options: what `gymnasium.make` takes.
+    """
+    env = gymnasium.make(GYMNASIUM[name], **options).unwrapped
+    if euler:
+        env.model.opt.integrator = _EULER
+    if converged:
+        env.model.opt.solver, env.model.opt.iterations = _NEWTON, 100
+    return env
 
 
-def script(name: str, seed: int, steps: int) -> Script:
+def ours(name: str, euler: bool = False, **options) -> jaxsim.envs.Task:
+    """Our environment without wrappers."""
+    env = jaxsim.envs.make(name, max_episode_steps=None, **options)
+    if not euler:
+        return env
+    opt = env.model.opt.replace(integrator=_EULER)
+    return env.with_model(env.model.replace(opt=opt))
+
+
+def script(env: gymnasium.Env, seed: int, steps: int) -> Script:
     """A start of Gymnasium's, and random actions."""
-    env, rng = theirs(name), np.random.default_rng(seed)
+    rng, space = np.random.default_rng(seed), env.action_space
     env.reset(seed=seed)
-    space = env.action_space
     actions = rng.uniform(space.low, space.high, (steps, *space.shape))
     return Script(env.data.qpos.copy(), env.data.qvel.copy(), actions)
 
 
-def nudged(plan: Script, size: float = 1e-7) -> Script:
+def nudged(plan: Script, seed: int, size: float = 1e-7) -> Script:
     """The same from positions that are a little away."""
-    noise = np.random.default_rng(1).standard_normal(plan.qpos.shape)
+    noise = np.random.default_rng(seed).standard_normal(plan.qpos.shape)
     return plan.replace(qpos=plan.qpos + size * noise)
 
 
@@ -69,29 +92,34 @@ def trace_theirs(env: gymnasium.Env, plan: Script) -> Trace:
     """What Gymnasium does; it goes on after the end of the episode, as ours does."""
     env.reset(seed=0)
     env.set_state(plan.qpos, plan.qvel)
-    found = [(env._get_obs(), 0.0, False, env.data.qpos.copy())]
-    for action in plan.actions:
-        obs, reward, terminated, _, _ = env.step(action)
-        found.append((obs, reward, terminated, env.data.qpos.copy()))
-    obs, reward, terminated, qpos = (np.array(x) for x in zip(*found, strict=True))
-    return Trace(obs, reward[1:], terminated[1:], qpos)
+    found = [(env._get_obs(), 0.0, False)]
+    found += [env.step(action)[:3] for action in plan.actions]
+    obs, reward, terminated = (np.array(x) for x in zip(*found, strict=True))
+    return Trace(obs, reward[1:], terminated[1:])
+
+
+def trace_ours(env: jaxsim.envs.Task, plan: Script) -> Trace:
+    """What we do."""
+    return jax.tree.map(np.asarray, _trace(env, jax.tree.map(jnp.asarray, plan)))
 
 
 @quick_jit
-def trace_ours(env: jaxsim.envs.Task, plan: Script) -> Trace:
-    """What we do."""
-
+def _trace(env, plan):
     def step(state, action):
         state = env.step(state, action)
-        return state, (state.obs, state.reward, state.terminated, state.state.qpos)
+        return state, (state.obs, state.reward, state.terminated)
 
     first = env.reset_to(jaxsim.envs.start_from(env.model, plan.qpos, plan.qvel))
-    _, (obs, reward, terminated, qpos) = lax.scan(step, first, plan.actions)
-    obs = jnp.concatenate([first.obs[None], obs])
-    return Trace(obs, reward, terminated, jnp.concatenate([first.state.qpos[None], qpos]))
+    obs, reward, terminated = lax.scan(step, first, plan.actions)[1]
+    return Trace(jnp.concatenate([first.obs[None], obs]), reward, terminated)
 
 
-def divergence(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Largest difference up to each time, over all entries."""
-    each = np.abs(np.asarray(a, float) - np.asarray(b, float)).reshape(len(a), -1).max(1)
+def divergence(a: Trace, b: Trace) -> np.ndarray:
+    """How far apart two traces have been up to each of T steps, as a part of what b shows."""
+
+    def apart(x, y):
+        error = np.abs(np.asarray(x, float) - y) / (1 + np.abs(y).max(0))
+        return error.reshape(len(y), -1).max(1)
+
+    each = np.maximum(apart(a.obs, b.obs)[1:], apart(a.reward, b.reward))
     return np.maximum.accumulate(each)
