@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 import jaxsim.envs
 from jaxsim.envs.bridges.brax_env import BraxEnv, wrap_for_brax
@@ -99,16 +100,18 @@ def test_models_can_differ_in_a_batch(env):
     np.testing.assert_allclose(moved[:, 0], [0.1, 0.2, 0.3, 0.4], rtol=1e-5)
 
 
+def _replicated(tree, devices):
+    split = NamedSharding(Mesh(devices, ("device",)), PartitionSpec("device"))
+    return jax.tree.map(lambda x: jax.device_put(jnp.stack([x] * len(devices)), split), tree)
+
+
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("wrap", [None, wrap_for_brax], ids=["brax", "ours"])
 def test_brax_ppo_trains(env, wrap, monkeypatch):
     ppo = pytest.importorskip("brax.training.agents.ppo.train")
     # Brax still calls a function that JAX has removed.
-    stacked = lambda tree, devices: jax.tree.map(  # noqa: E731
-        lambda x: jnp.stack([x] * len(devices)), tree
-    )
-    monkeypatch.setattr(jax, "device_put_replicated", stacked, raising=False)
+    monkeypatch.setattr(jax, "device_put_replicated", _replicated, raising=False)
     returns = []
     with jax.numpy_rank_promotion("allow"):
         ppo.train(
