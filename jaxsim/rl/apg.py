@@ -169,7 +169,7 @@ class APG:
             key=carry,
             epoch=learner.epoch + 1,
         )
-        losses = {"objective": objective, "policy_gradient": optax.global_norm(gradient)}
+        losses = {"objective": objective, "policy_gradient": optax.tree.norm(gradient)}
         return learner, actors, {**episodes.metrics(), **losses}
 
     def loss(self, params, learner: Learner, actors: Actors, key):

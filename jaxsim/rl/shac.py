@@ -178,7 +178,7 @@ class SHAC:
             learner.policy, learner, actors, act_key
         )
         gradient, objective = _average((gradient, objective))
-        norm = optax.global_norm(gradient)
+        norm = optax.tree.norm(gradient)
         rate = jnp.clip(1 - learner.epoch / self.epochs, 0.0, 1.0)
         learner = self.improve(learner, gradient, rate * self.config.policy_rate)
         learner, value_loss = self.fit(learner, seen, shuffle_key, rate * self.config.value_rate)

@@ -46,9 +46,9 @@ def test_buffer_replaces_the_oldest_steps():
     buffer = jax.tree.map(lambda x: jnp.zeros((12, *x.shape[1:]), x.dtype), batch_of(1))
 
     def seen(value):
-        full = jnp.full((1, 4), float(value))
-        no = jnp.zeros((1, 4), bool)
-        return Experience(full[..., None], full[..., None], full[..., None], full, full[..., None], no, no)  # fmt: skip
+        number = jnp.full((1, 4), float(value))
+        row, no = number[..., None], jnp.zeros((1, 4), bool)
+        return Experience(row, row, row, number, row, no, no)
 
     for epoch in range(4):
         buffer = trainer.remember(buffer, seen(epoch + 1), jnp.asarray(epoch))
