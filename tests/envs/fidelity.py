@@ -1,7 +1,5 @@
 """Our tasks beside Gymnasium's: the same starts, the same actions, and what both make of them."""
 
-import functools
-
 import gymnasium
 import jax
 import jax.numpy as jnp
@@ -47,7 +45,6 @@ class Trace:
     terminated: np.ndarray  # (T,)
 
 
-@functools.cache
 def theirs(name: str, euler: bool = False, converged: bool = False, **options) -> gymnasium.Env:
     """Gymnasium's environment without wrappers.
 
