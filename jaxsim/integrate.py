@@ -158,7 +158,9 @@ def runge_kutta(
         (rate, slope, act_dot), total, _, _ = carry
         fraction, weight = fraction_and_weight
         theta = h * fraction * rate
+        # The solver starts from the last stage's acceleration; see `jaxsim.step.whole_step`.
         at = state.replace(
+            qacc_warmstart=lax.stop_gradient(slope),
             qpos=integrate_pos(model, state.qpos, theta, 1.0),
             qvel=state.qvel + h * fraction * slope,
             act=state.act + h * fraction * act_dot,
@@ -169,10 +171,10 @@ def runge_kutta(
         total = jax.tree.map(lambda a, b: a + weight * b, total, derivative)
         return (derivative, total, then.actuation.actuator_length, at), None
 
-    # One body for the other three stages keeps the program small.
-    tableau = jnp.asarray([[0.5, 2.0], [0.5, 2.0], [1.0, 1.0]], h.dtype)
-    first = _derivative(now, state.qvel)
-    carry = (first, first, now.actuation.actuator_length, state)
+    # One body for all stages keeps the program small; the first one stays where the state is.
+    tableau = jnp.asarray([[0.0, 1.0], [0.5, 2.0], [0.5, 2.0], [1.0, 1.0]], h.dtype)
+    start = (jnp.zeros_like(state.qvel), state.qacc_warmstart, jnp.zeros_like(state.act))
+    carry = (start, jax.tree.map(jnp.zeros_like, start), now.actuation.actuator_length, state)
     ((_, last, _), total, length, at), _ = lax.scan(stage, carry, tableau)
     rate, qacc, act_dot = jax.tree.map(lambda x: x / 6, total)
     transmission = now.actuation.transmission.replace(length=length)

@@ -116,8 +116,7 @@ def whole_step(model: Model, state: State, ctrl: Float[Array, "nu"] | None = Non
         model, state, now.instant(), lambda s: evaluate(model, s, ctrl).instant()
     )
     # The warm start changes how fast the solution is found, not the solution.
-    warmstart = lax.stop_gradient(now.constrained.qacc)
-    return found.replace(after=found.after.replace(qacc_warmstart=warmstart))
+    return found.replace(after=found.after.replace(qacc_warmstart=lax.stop_gradient(found.qacc)))
 
 
 def forward(model: Model, state: State, ctrl: Float[Array, "nu"] | None = None) -> Forward:
