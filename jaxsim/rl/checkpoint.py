@@ -130,7 +130,7 @@ def _unpack(leaves: dict[str, Any], like: Any) -> Any:
 
 
 def _is_key(x: Any) -> bool:
-    return jax.dtypes.issubdtype(x.dtype, jax.dtypes.prng_key)
+    return jnp.issubdtype(x.dtype, jax.dtypes.prng_key)
 
 
 def _plain(x: Any) -> Any:

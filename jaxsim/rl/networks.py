@@ -230,7 +230,7 @@ class Policy:
     params: Any
     statistics: RunningStatistics | None
     scale: ActionRange
-    network: nn.Module = struct.field(pytree_node=False)
+    network: Any = struct.field(pytree_node=False)
 
     def distribution(self, obs: Float[Array, "*batch n"]):
         """Distribution of the network's action, before scaling."""

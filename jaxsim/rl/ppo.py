@@ -145,10 +145,10 @@ class PPO:
     def __init__(self, env: Env, config: Config):
         self.env, self.config = env, config
         self.scale = ActionRange.of(env)
-        self.network = GaussianPolicy(
+        self.network: Any = GaussianPolicy(
             env.action_size, config.policy.hidden, config.policy.activation, config.initial_std
         )
-        self.value = Value(config.value.hidden, config.value.activation)
+        self.value: Any = Value(config.value.hidden, config.value.activation)
         # Flattened, the update of all parameters is a few vector operations.
         self.adam = optax.flatten(
             optax.chain(

@@ -61,11 +61,16 @@ def compile_all(env: Env, algorithm: Algorithm, seed: int, mesh: Mesh) -> Progra
         everywhere,
     )
     policy = parallel(algorithm.policy, mesh, (everywhere,), everywhere)
-    lowered = [start.lower(), epoch.lower(template)]
-    lowered += [f.lower(template.learner) for f in (judge, policy)]
+    lowered = {
+        "start": start.lower(),
+        "epoch": epoch.lower(template),
+        "evaluate": judge.lower(template.learner),
+        "policy": policy.lower(template.learner),
+    }
     with concurrent.futures.ThreadPoolExecutor() as pool:
-        compiled = list(pool.map(lambda program: program.compile(), lowered))
-    return Programs(*compiled, template)
+        compiled = {name: pool.submit(program.compile) for name, program in lowered.items()}
+    programs: dict[str, Any] = {name: future.result() for name, future in compiled.items()}
+    return Programs(**programs, template=template)
 
 
 def _start(algorithm: Algorithm, seed: int, devices: int) -> Training:

@@ -1,5 +1,6 @@
 """Videos of states."""
 
+import importlib.util
 import pathlib
 from collections.abc import Sequence
 
@@ -27,9 +28,7 @@ def write_video(frames: Sequence[np.ndarray], path: str | pathlib.Path, fps: flo
     except ImportError as error:
         raise RuntimeError(_NO_IMAGEIO) from error
     path = pathlib.Path(path)
-    try:
-        import imageio_ffmpeg  # noqa: F401
-    except ImportError:
+    if importlib.util.find_spec("imageio_ffmpeg") is None:
         file = path.with_suffix(".gif")
         # Gif counts in hundredths of a second, and players slow down below two of them.
         imageio.imwrite(file, np.stack(frames), duration=max(20, 1000 / fps), loop=0)

@@ -1,6 +1,7 @@
 """Training as a whole: schedule, logs, resume to the last bit, interrupts, NaN, devices."""
 
 import dataclasses
+import importlib.util
 import os
 import signal
 
@@ -78,7 +79,8 @@ def test_directory_of_a_run(whole, tiny, tmp_path, bits):
         load_policy(tmp_path)
     train("fast", settings=tiny, directory=tmp_path / "run")
     assert bits(load_policy(tmp_path / "run")) == bits(whole.policy)
-    assert list((tmp_path / "run" / "tensorboard").iterdir())
+    board = importlib.util.find_spec("tensorboardX") is not None
+    assert (tmp_path / "run" / "tensorboard").exists() == board
     with pytest.raises(CheckpointError, match="holds a run already; resume it, or choose"):
         train("fast", settings=tiny, directory=tmp_path / "run")
 
