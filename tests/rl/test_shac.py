@@ -119,7 +119,15 @@ def test_settings_that_make_no_sense(settings, message):
 
 def test_learns():
     """To stay in the middle earns 20, doing nothing about 13, leaving it much less."""
-    settings = TINY | {"total_steps": 300 * 96, "envs": 16, "evaluations": 1, "policy_rate": 1e-2}
+    settings = TINY | {
+        "total_steps": 100 * 96,
+        "envs": 16,
+        "evaluations": 1,
+        "discount": 0.9,
+        "policy_rate": 5e-3,
+        "value_rate": 3e-3,
+        "reward_scale": 0.1,
+    }
     result = train("fast", "shac", settings=settings)
     assert result.evaluations[-1]["eval_return"] > 18
     obs = jnp.array([[-0.8], [0.8]])
