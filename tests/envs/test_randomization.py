@@ -35,7 +35,7 @@ def test_a_batch_of_environments(key):
 
     @quick_jit
     def run(keys):
-        envs = jaxsim.vmap(lambda key: randomize(make("cartpole"), key))(keys)
+        envs = jaxsim.vmap(randomize, in_axes=(None, 0))(make("cartpole"), keys)
         states = jaxsim.vmap(lambda env: env.reset(key))(envs)
         return jaxsim.vmap(lambda env, state: env.step(state, jnp.ones(1)))(envs, states)
 

@@ -20,7 +20,7 @@ class Randomize(Wrapper):
     numbers for good, map over environments instead, which costs nothing at a reset:
 
       envs = jaxsim.vmap(randomize, in_axes=(None, 0))(env, keys)
-      states = jaxsim.vmap(lambda env, state, action: env.step(state, action))(envs, states, actions)
+      states = jaxsim.vmap(lambda env, *args: env.step(*args))(envs, states, actions)
 
     Attributes:
       draw: function from an environment and a key to an environment of the same structure.
