@@ -112,11 +112,10 @@ def _trace(env, plan):
 
 
 def divergence(a: Trace, b: Trace) -> np.ndarray:
-    """How far apart two traces have been up to each of T steps, as a part of what b shows."""
+    """How far apart two traces are after each of T steps, as a part of what b shows."""
 
     def apart(x, y):
         error = np.abs(np.asarray(x, float) - y) / (1 + np.abs(y).max(0))
         return error.reshape(len(y), -1).max(1)
 
-    each = np.maximum(apart(a.obs, b.obs)[1:], apart(a.reward, b.reward))
-    return np.maximum.accumulate(each)
+    return np.maximum(apart(a.obs, b.obs)[1:], apart(a.reward, b.reward))
