@@ -30,8 +30,9 @@ def build(**changes):
     """APG on `fast` with tiny settings, a learner, and environments."""
     env = envs.AutoReset(envs.make("fast", max_episode_steps=4))
     trainer = APG(env, config.build(apg.Config, TINY | changes))
-    learner = trainer.init(jax.random.key(0))
-    return trainer, learner, trainer.start(learner, jax.random.split(jax.random.key(1), 4))
+    learner = jax.jit(trainer.init)(jax.random.key(0))
+    keys = jax.random.split(jax.random.key(1), 4)
+    return trainer, learner, jax.jit(trainer.start)(learner, keys)
 
 
 def test_gradient_is_cut_after_the_horizon(monkeypatch):

@@ -25,7 +25,7 @@ TINY = {
 def build(**changes):
     """SAC on `fast` and a learner, as on one device."""
     trainer = SAC(envs.AutoReset(envs.make("fast")), config.build(sac.Config, TINY | changes), 1)
-    return trainer, trainer.init(jax.random.key(0))
+    return trainer, jax.jit(trainer.init)(jax.random.key(0))
 
 
 def batch_of(n: int) -> Transition:
@@ -72,7 +72,9 @@ def test_each_loss_moves_its_own_parameters():
     """The critics' gradient is that of their squared error; the temperature's, of its own loss."""
     trainer, learner = build(entropy=-0.5)
     batch, key = batch_of(16), jax.random.key(3)
-    gradient, losses = jax.grad(trainer.loss, has_aux=True)(learner.params, learner, batch, key)
+    gradient, losses = jax.jit(jax.grad(trainer.loss, has_aux=True))(
+        learner.params, learner, batch, key
+    )
     np.testing.assert_allclose(gradient["temperature"], losses["entropy"] + 0.5, rtol=1e-5)
 
     expected = jax.grad(lambda critics: error_of(trainer, learner, critics, batch, key))

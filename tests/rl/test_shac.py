@@ -24,8 +24,9 @@ TINY = {
 def build(env, **changes):
     """SHAC with tiny settings, a learner, and environments."""
     trainer = SHAC(envs.AutoReset(env), config.build(shac.Config, TINY | changes))
-    learner = trainer.init(jax.random.key(0))
-    return trainer, learner, trainer.start(learner, jax.random.split(jax.random.key(1), 4))
+    learner = jax.jit(trainer.init)(jax.random.key(0))
+    keys = jax.random.split(jax.random.key(1), 4)
+    return trainer, learner, jax.jit(trainer.start)(learner, keys)
 
 
 @pytest.mark.parametrize("name", ["fast", pytest.param("pendulum", marks=pytest.mark.slow)])
