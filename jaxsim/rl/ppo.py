@@ -40,8 +40,8 @@ class Config(TrainConfig):
       clip: the ratio of new to old probability has no effect beyond 1 +- clip.
       learning_rate: step size of Adam at the start.
       schedule: "linear" to zero at `total_steps`, "constant", or "kl": raised or lowered after
-        each gradient step to keep the policy's change near `target_kl`.
-      target_kl: divergence between new and old policy (nats) that "kl" aims at.
+        each epoch to keep the policy's change near `target_kl`.
+      target_kl: divergence of an epoch's new policy from its old one (nats) that "kl" aims at.
       max_grad_norm: longer gradients are scaled down to this norm.
       entropy: weight of the entropy bonus.
       value_weight: weight of the value function's squared error.
@@ -264,12 +264,14 @@ class PPO:
             return self.update(learner, jax.tree.map(lambda x: x[rows], samples))
 
         learner, losses = lax.scan(body, learner, order)
-        losses = {name: jnp.nanmean(x) for name, x in losses.items()}
+        last = {name: x[-self.config.minibatches :] for name, x in losses.items()}
+        losses = {name: jnp.nanmean(x) for name, x in last.items()}
+        rate = self.next_rate(learner.learning_rate, losses["kl"])
         losses |= {
-            "learning_rate": learner.learning_rate,
+            "learning_rate": rate,
             "std": jnp.exp(learner.params["policy"]["params"]["log_std"]).mean(),
         }
-        return learner, losses
+        return learner.replace(learning_rate=rate), losses
 
     def update(self, learner: Learner, samples: Sample) -> tuple[Learner, dict[str, Array]]:
         """One gradient step on a minibatch."""
@@ -281,11 +283,7 @@ class PPO:
         step, optimizer = self.adam.update(gradient, learner.optimizer)
         rate = learner.learning_rate
         params = jax.tree.map(lambda p, s: p - rate * s, learner.params, step)
-        updated = learner.replace(
-            params=params,
-            optimizer=optimizer,
-            learning_rate=self.next_rate(rate, losses["kl"]),
-        )
+        updated = learner.replace(params=params, optimizer=optimizer)
         # Numbers that are not finite must not reach the parameters, whatever they came from.
         fine = jnp.isfinite(flat).all()
         return jax.tree.map(lambda new, old: jnp.where(fine, new, old), updated, learner), losses
@@ -314,7 +312,7 @@ class PPO:
         return loss, lax.stop_gradient(losses)
 
     def next_rate(self, rate, kl):
-        """The step size after a step that moved the policy by `kl`."""
+        """The step size after an epoch that moved the policy by `kl`."""
         if self.config.schedule != "kl":
             return rate
         factor = jnp.where(kl > 2 * self.config.target_kl, 1 / 1.5, 1.0)
