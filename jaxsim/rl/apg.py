@@ -118,7 +118,7 @@ class APG:
         self.adam = optax.flatten(
             optax.chain(
                 optax.clip_by_global_norm(config.max_grad_norm),
-                optax.scale_by_adam(*config.momentum),
+                optax.scale_by_adam(config.momentum[0], config.momentum[1]),
             )
         )
         self.epochs = max(1, config.total_steps // (config.envs * config.unroll))

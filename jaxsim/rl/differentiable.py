@@ -1,6 +1,7 @@
 """Environments that gradients flow through, in bounded memory and with bounded gradients."""
 
 import functools
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -8,7 +9,6 @@ from flax import struct
 from jaxtyping import Array, Bool, Float
 
 from jaxsim.envs import EnvState, TimeLimit, Wrapper, extended
-from jaxsim.envs.wrappers import AutoReset
 from jaxsim.rl.collect import Actors
 
 # Any number beyond which a gradient is an accident of the floating point format.
@@ -73,8 +73,8 @@ def _backward(limit: float, _, cotangents):
 _limited.defvjp(_forward, _backward)
 
 
-def cut_episodes(env: AutoReset, steps: int | None) -> AutoReset:
-    """The environment with episodes of at most this many steps; None changes nothing."""
+def cut_episodes(env: Any, steps: int | None) -> Any:
+    """An `AutoReset` with episodes of at most this many steps; None changes nothing."""
     return env if steps is None else env.replace(env=TimeLimit(env.env, max_episode_steps=steps))
 
 

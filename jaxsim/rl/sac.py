@@ -257,7 +257,7 @@ class SAC:
         flat = lax.pmean(flat, AXIS)
         gradient, losses = unravel(flat)
         step, optimizer = self.adam.update(gradient, learner.optimizer)
-        params = optax.apply_updates(learner.params, step)
+        params: Any = optax.apply_updates(learner.params, step)
         follow = lambda old, new: old + self.config.follow * (new - old)  # noqa: E731
         updated = learner.replace(
             params=params,
@@ -273,25 +273,25 @@ class SAC:
         now_key, next_key = jax.random.split(key)
         normalize = learner.obs.normalize if self.config.normalize_obs else lambda x: x
         obs, next_obs = normalize(batch.obs), normalize(batch.next_obs)
-        frozen = lax.stop_gradient(params)
+        frozen: Any = lax.stop_gradient(params)
         temperature = jnp.exp(frozen["temperature"])
 
         after = self.network.apply(frozen["policy"], next_obs)
         next_action, next_log_prob = after.sample_and_log_prob(next_key)
         target = soft_target(
             batch.reward,
-            jnp.minimum(*self.critics.apply(learner.target, next_obs, next_action)),
+            jnp.minimum(*self.values(learner.target, next_obs, next_action)),
             next_log_prob,
             batch.terminated,
             temperature,
             self.config.discount,
         )
-        values = self.critics.apply(params["critics"], obs, batch.action)
+        values = self.values(params["critics"], obs, batch.action)
         critic_loss = sum(0.5 * jnp.square(value - target).mean() for value in values)
 
         now = self.network.apply(params["policy"], obs)
         action, log_prob = now.sample_and_log_prob(now_key)
-        worth = jnp.minimum(*self.critics.apply(frozen["critics"], obs, action))
+        worth = jnp.minimum(*self.values(frozen["critics"], obs, action))
         policy_loss = (temperature * log_prob - worth).mean()
 
         entropy = -lax.stop_gradient(log_prob).mean()
@@ -299,6 +299,11 @@ class SAC:
         temperature_loss = params["temperature"] * (entropy - goal)
         losses = {"critic_loss": critic_loss, "policy_loss": policy_loss, "entropy": entropy}
         return critic_loss + policy_loss + temperature_loss, lax.stop_gradient(losses)
+
+    def values(self, params, obs, action) -> tuple[Array, Array]:
+        """What the two critics say."""
+        both: Any = self.critics.apply(params, obs, action)
+        return both
 
 
 def soft_target(

@@ -138,7 +138,7 @@ class SHAC:
         self.adam = optax.flatten(
             optax.chain(
                 optax.clip_by_global_norm(config.max_grad_norm),
-                optax.scale_by_adam(*config.momentum),
+                optax.scale_by_adam(config.momentum[0], config.momentum[1]),
             )
         )
         self.epochs = max(1, config.total_steps // (config.envs * config.horizon))
@@ -217,7 +217,8 @@ class SHAC:
 
     def values(self, learner: Learner, obs: Float[Array, "*batch n"]) -> Float[Array, "*batch"]:
         """What the target critic says."""
-        return self.value.apply(learner.target, self.normalize(learner, obs))
+        values: Any = self.value.apply(learner.target, self.normalize(learner, obs))
+        return values
 
     def normalize(self, learner: Learner, obs: Float[Array, "*batch n"]):
         """Observations as the networks see them."""
