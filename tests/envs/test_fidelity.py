@@ -35,7 +35,8 @@ def _compare(env, reference, seed, factor, share=1.0):
     known = chaos < 1e-3
     assert known.sum() >= 10
     assert (error <= factor * chaos)[known].mean() >= share, (error / chaos)[known].max()
-    np.testing.assert_array_equal(found.terminated[known], expected.terminated[known])
+    sure = chaos < 1e-4
+    np.testing.assert_array_equal(found.terminated[sure], expected.terminated[sure])
     return found, expected
 
 
