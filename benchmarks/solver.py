@@ -29,7 +29,8 @@ def main(arguments=None) -> None:
         rows += _model_rows(name, options)
         print(common.table(r for r in rows if r["model"] == name), flush=True)
     chains = [row for n in options.chains for row in _chain_rows(n, options)]
-    print(common.table(chains))
+    if chains:
+        print(common.table(chains))
     record = {"rows": rows, "chains": chains}
     common.write(options, __file__, record, lambda figure: _draw(figure, rows, chains))
 
@@ -271,7 +272,8 @@ def _draw(figure, rows, chains) -> None:
         right.loglog([r["links"] for r in line], [r["us"] for r in line], "o-", label=solver)
     right.set(xlabel="links that lie on a plane", title="one Newton step")
     for axes in (left, right):
-        axes.legend(fontsize=7)
+        if axes.has_data():
+            axes.legend(fontsize=7)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxsim.solver.line_search import line_search, make_line
-from jaxsim.solver.operator import Lifted, Operator
+from jaxsim.solver.operator import Lifted, Operator, Rows
 from jaxsim.solver.problem import Problem
 
 
@@ -152,11 +152,12 @@ def _start(search: _Search, y: Lifted) -> _Iterate:
 def _step(search: _Search, state: _Iterate) -> _Iterate:
     """One Newton step with its line search."""
     problem, operator = search.problem, search.operator
-    ys = operator.solve(problem.curvatures(operator.rows(state.y)), state.residual)
+    curvatures = problem.curvatures(operator.rows(state.y))
+    ys = operator.solve(curvatures, state.residual)
     line = make_line(problem, operator, state.y, _minus(state.y, search.y_smooth), ys)
     length = _norm(operator.vector(ys))
     slope = search.tolerance * search.ls_tolerance * length / search.scale
-    alpha, improvement = line_search(line, slope, search.ls_iterations)
+    alpha, improvement = line_search(line, slope, search.ls_iterations, state.done)
     y = jax.tree.map(lambda a, b: a + alpha * b, state.y, ys)
     residual = _residual(search, y)
     # Nothing that only a further step needs is looked at here: with a single step the compiler
@@ -165,6 +166,7 @@ def _step(search: _Search, state: _Iterate) -> _Iterate:
     moved = finite & (alpha > 0)
     stop = _converged(search, residual, improvement) | ~jnp.isfinite(_norm(residual))
     stop = stop | _exhausted(state, residual, improvement, line.cost_rounding)
+    stop = stop | _exact(alpha, curvatures, problem.curvatures(operator.rows(y)))
     return _Iterate(
         y=_where(moved, y, state.y),
         residual=jnp.where(moved, residual, state.residual),
@@ -191,6 +193,17 @@ def _exhausted(
     """
     gained = jnp.maximum(improvement, state.improvement)
     return (gained <= rounding) & (_norm(residual) > 0.5 * _norm(state.residual))
+
+
+def _exact(alpha: Array, before: Rows, after: Rows) -> Bool[Array, ""]:
+    """Whether the objective was its quadratic model along a full step, whose end is the minimum.
+
+    Rows with piecewise constant curvature change zone at most once along a line.
+    """
+    exact = jnp.abs(alpha - 1) <= 64 * jnp.finfo(alpha.dtype).eps
+    for a, b in zip(before, after, strict=True):
+        exact = exact & jnp.all(a == b)
+    return exact
 
 
 def _residual(search: _Search, y: Lifted) -> Float[Array, "nv"]:
