@@ -13,6 +13,7 @@ import numpy as np
 from flax import struct
 from jaxtyping import Array, Float, Int
 
+from jaxsim.constraint.by_link import RowsByLink, make_side
 from jaxsim.dynamics.tree import sum_by, take
 from jaxsim.model.topology import Forest
 
@@ -34,6 +35,10 @@ class Jacobian(Protocol):
 
     def dense(self, tree: Forest, cdof: Float[Array, "nv 6"]) -> Array:
         """J with a last axis of length nv, tree order."""
+        ...
+
+    def sorted_by_link(self, tree: Forest) -> "Jacobian":
+        """The same rows, ready to be pulled and sandwiched many times."""
         ...
 
     @property
@@ -73,6 +78,10 @@ class DofRows:
         unit = np.eye(tree.nv)[np.array(self.dof, int)]
         return self.scale[:, None] * jnp.asarray(unit, cdof.dtype)
 
+    def sorted_by_link(self, tree):
+        """Nothing to sort."""
+        return self
+
 
 @struct.dataclass
 class DenseRows:
@@ -97,6 +106,10 @@ class DenseRows:
     def dense(self, tree, cdof):
         """J itself."""
         return self.J
+
+    def sorted_by_link(self, tree):
+        """Nothing to sort."""
+        return self
 
 
 @struct.dataclass
@@ -147,6 +160,14 @@ class LinkRows:
             for sign, G, link in self._sides()
         ]
         return sum(parts[1:], parts[0])
+
+    def sorted_by_link(self, tree):
+        """Sorted where the links are known; links decided at run time stay as they are."""
+        sides = self._sides()
+        if not all(isinstance(link, Links) for _, _, link in sides):
+            return self
+        parts = tuple(make_side(tree, sign * G, link.array) for sign, G, link in sides)
+        return RowsByLink(parts, self.coupled)
 
     def _sides(self):
         sides = [(1.0, self.G2, self.link2), (-1.0, self.G1, self.link1)]

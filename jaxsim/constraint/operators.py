@@ -25,7 +25,6 @@ from jaxsim.model import Model
 from jaxsim.model.topology import Forest
 from jaxsim.solver import DenseOperator, Operator, pcg_solve
 from jaxsim.solver.operator import Lifted, Rows
-from jaxsim.spatial import Inertia
 
 # Conjugate gradients end when the residual has shrunk by this many units of rounding.
 _CG_ROUNDING = 10.0
@@ -37,10 +36,19 @@ STRATEGIES = ("articulated", "dense", "iterative")
 
 @struct.dataclass
 class TreePoint:
-    """A point and the accelerations of the links that it causes."""
+    """A point with all that is linear in it and needed more than once.
+
+    Attributes:
+      x: the point, accelerations of the degrees of freedom.
+      a: the accelerations of the links that it causes.
+      p: their momenta, `I a`.
+      rows: `J x`, block by block.
+    """
 
     x: Float[Array, "nv"]
     a: Float[Array, "njnt 6"]
+    p: Float[Array, "njnt 6"]
+    rows: Rows
 
 
 @struct.dataclass
@@ -49,24 +57,29 @@ class TreeOperator:
 
     Attributes:
       cdof: motion axes.
-      inertia: inertias of the links.
+      inertia: inertias of the links, as matrices.
       armature: of the degrees of freedom.
-      jacobians: one per block.
+      jacobians: one per block, rows sorted by link where that is static.
       tree: the links, static.
       exact: whether the articulated solve is the whole truth, static.
     """
 
     cdof: Float[Array, "nv 6"]
-    inertia: Inertia
+    inertia: Float[Array, "njnt 6 6"]
     armature: Float[Array, "nv"]
     jacobians: tuple[Jacobian, ...]
     tree: Forest = struct.field(pytree_node=False)
     exact: bool = struct.field(pytree_node=False)
 
     def lift(self, x: Float[Array, "nv"]) -> TreePoint:
-        """The point with the links' accelerations."""
+        """The point with the links' accelerations, momenta and its rows."""
         rate = sum_by(self.cdof * x[:, None], self.tree.dof_node, len(self.tree))
-        return TreePoint(x, accumulate_outward(self.tree, rate))
+        return self.lift_known(x, accumulate_outward(self.tree, rate))
+
+    def lift_known(self, x: Float[Array, "nv"], a: Float[Array, "njnt 6"]) -> TreePoint:
+        """`lift(x)` where the accelerations of the links are known."""
+        momentum = jax.vmap(jnp.matmul)(self.inertia, a)
+        return TreePoint(x, a, momentum, tuple(J.apply(x, a) for J in self.jacobians))
 
     def vector(self, y: TreePoint) -> Float[Array, "nv"]:
         """The point itself."""
@@ -74,17 +87,15 @@ class TreeOperator:
 
     def rows(self, y: TreePoint) -> Rows:
         """`J x`."""
-        return tuple(J.apply(y.x, y.a) for J in self.jacobians)
+        return y.rows
 
     def inner(self, y1: TreePoint, y2: TreePoint) -> Float[Array, ""]:
         """`x1^T M x2`, link by link."""
-        momentum = jax.vmap(lambda inertia, a: inertia.apply(a))(self.inertia, y2.a)
-        return jnp.sum(y1.a * momentum) + jnp.sum(self.armature * y1.x * y2.x)
+        return jnp.sum(y1.a * y2.p) + jnp.sum(self.armature * y1.x * y2.x)
 
     def residual(self, dy: TreePoint, forces: Rows) -> Float[Array, "nv"]:
         """`J^T f - M dx`."""
-        wrench = -jax.vmap(lambda inertia, a: inertia.apply(a))(self.inertia, dy.a)
-        force = -self.armature * dy.x
+        wrench, force = -dy.p, -self.armature * dy.x
         for J, f in zip(self.jacobians, forces, strict=True):
             dof, link = J.pull(self.tree, f)
             force = force if dof is None else force + dof
@@ -93,8 +104,7 @@ class TreeOperator:
 
     def solve(self, curvatures: Rows, r: Float[Array, "nv"]) -> TreePoint:
         """The lifted `(M + J^T W J)^-1 r`."""
-        matrix = jax.vmap(lambda inertia: inertia.as_matrix())(self.inertia)
-        diagonal = self.armature
+        matrix, diagonal = self.inertia, self.armature
         for J, W in zip(self.jacobians, curvatures, strict=True):
             dof, link = J.curvature(self.tree, W)
             diagonal = diagonal if dof is None else diagonal + dof
@@ -104,7 +114,7 @@ class TreeOperator:
             return articulated_solve(self.tree, self.cdof, matrix, diagonal, force)
 
         if self.exact:
-            return TreePoint(*articulated(r))
+            return self.lift_known(*articulated(r))
         tolerance = _CG_ROUNDING * float(jnp.finfo(r.dtype).eps)
         return pcg_solve(
             self, curvatures, r, lambda b: articulated(b)[0], tolerance, _CG_ITERATIONS
@@ -120,10 +130,14 @@ def make_operator(model: Model, kin: Kinematics, blocks: list[Block], strategy: 
             jacobian=tuple(J.dense(model.tree, kin.cdof) for J in jacobians),
         )
     armature = to_tree_order(model, dof_armature(model))
+    matrices = jax.vmap(lambda inertia: inertia.as_matrix())(kin.inertia)
+    jacobians = tuple(J.sorted_by_link(model.tree) for J in jacobians)
     exact = strategy == "articulated"
-    return TreeOperator(kin.cdof, kin.inertia, armature, jacobians, model.tree, exact)
+    return TreeOperator(kin.cdof, matrices, armature, jacobians, model.tree, exact)
 
 
 def lifted(operator: Operator, x: Float[Array, "nv"], a: Float[Array, "njnt 6"]) -> Lifted:
     """`operator.lift(x)` where the accelerations of the links are known."""
-    return TreePoint(x, a) if isinstance(operator, TreeOperator) else operator.lift(x)
+    if isinstance(operator, TreeOperator):
+        return operator.lift_known(x, a)
+    return operator.lift(x)

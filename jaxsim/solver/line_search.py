@@ -92,7 +92,10 @@ class _Search(NamedTuple):
 
 
 def line_search(
-    line: Line, tolerance: Float[Array, ""], iterations: int
+    line: Line,
+    tolerance: Float[Array, ""],
+    iterations: int,
+    done: bool | Bool[Array, ""] = False,
 ) -> tuple[Float[Array, ""], Float[Array, ""]]:
     """The step alpha >= 0 that minimises phi, and `phi(0) - phi(alpha)`.
 
@@ -100,15 +103,16 @@ def line_search(
         line: The objective along a descent direction.
         tolerance: Slope below which a point is accepted.
         iterations: Largest number of slopes evaluated; the first at alpha = 1, the Newton step.
+        done: True asks for no search. In a batch, environments whose solve has ended go along
+            with the others, and should not keep them waiting.
 
     Returns:
         The step and its improvement. The step is zero if nothing better than alpha = 0 was found.
     """
-    accept = jnp.maximum(tolerance, line.rounding)
     one, zero = jnp.ones_like(line.bend), jnp.zeros_like(line.bend)
     inf = jnp.full_like(zero, jnp.inf)
-    search = _Search(one, zero, inf, inf, jnp.zeros((), bool), jnp.zeros((), int))
-    search = _repeat(lambda s: _advance(line, accept, s), search, iterations)
+    search = _Search(one, zero, inf, inf, jnp.asarray(done), jnp.zeros((), int))
+    search = _repeat(lambda s: _advance(line, tolerance, s), search, iterations)
     # The last point may be a Newton step whose cost was never seen; low improves by convexity.
     changes = jax.vmap(line.change)(jnp.stack([search.alpha, search.low]))
     better = changes[0] <= line.rounding * search.alpha
@@ -124,11 +128,13 @@ def _repeat(advance: Callable[[_Search], _Search], search: _Search, iterations: 
     return search
 
 
-def _advance(line: Line, accept: Float[Array, ""], search: _Search) -> _Search:
+def _advance(line: Line, tolerance: Float[Array, ""], search: _Search) -> _Search:
     """Evaluates the slope at the next point and chooses the one after it."""
     alpha = search.alpha
     first, second = line.slopes(alpha)
     steepness = jnp.abs(first)
+    # Near the root of a stiff row the slope is the difference of two terms of size alpha phi''.
+    rounding = line.rounding + 8 * jnp.finfo(alpha.dtype).eps * alpha * second
     low = jnp.where(first < 0, alpha, search.low)
     high = jnp.where(first > 0, alpha, search.high)
     newton = alpha - first / jnp.where(second > 0, second, 1.0)
@@ -139,7 +145,7 @@ def _advance(line: Line, accept: Float[Array, ""], search: _Search) -> _Search:
     proposal = jnp.where(bisect, middle, newton)
     # Nothing lies between the ends of a bracket as narrow as a unit of rounding.
     narrow = (proposal <= low) | (proposal >= high)
-    done = search.done | (steepness <= accept) | narrow
+    done = search.done | (steepness <= jnp.maximum(tolerance, rounding)) | narrow
     return _Search(
         alpha=jnp.where(done, alpha, proposal),
         low=jnp.where(search.done, search.low, low),
