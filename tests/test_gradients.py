@@ -12,7 +12,7 @@ from instants import CONES, batch_states, converging, evaluated, rollout, steppe
 from oracle import quick_jit
 
 from jaxsim.dynamics.coordinates import difference_pos, integrate_pos
-from jaxsim.io import load
+from jaxsim.io import bundled_models, load
 from jaxsim.model import make_state
 from jaxsim.step import step
 
@@ -262,3 +262,14 @@ def _corners(model):
     states = [touching, at_margin, pressed, leaving, sliding, coincident, nothing, beyond]
     batch = jax.tree.map(lambda *x: jnp.stack(x), *states)
     return batch, jnp.zeros((len(states), model.nu))
+
+
+@pytest.mark.parametrize("name", bundled_models())
+def test_reverse_mode_of_every_bundled_model_traces(name):
+    """Linear solves are recognised as such for all joints and strategies."""
+    model = load(name)
+
+    def height(qvel):
+        return step(model, make_state(model).replace(qvel=qvel)).qpos.sum()
+
+    jax.make_jaxpr(jax.grad(height))(jnp.ones(model.nv))

@@ -113,8 +113,14 @@ def _solve_joint(joint, U, u):
     if n == 1:
         inverse = 1 / joint[0, 0]
         return inverse * U, inverse * u
-    rows = [jnp.concatenate([U[i], u[i, None]]) for i in range(n)]
     lower, pivots = _factor(joint, n)
+    # One after the other: joined, reverse mode could not see that only u moves in a linear solve.
+    return _substitute_factor(lower, pivots, U), _substitute_factor(lower, pivots, u)
+
+
+def _substitute_factor(lower, pivots, right):
+    """`(L D L^T)^-1 right`, row by row."""
+    n, rows = len(pivots), list(right)
     for i in range(n):
         for k in range(i):
             rows[i] = rows[i] - lower[i][k] * rows[k]
@@ -122,8 +128,7 @@ def _solve_joint(joint, U, u):
         rows[i] = rows[i] / pivots[i]
         for k in range(i + 1, n):
             rows[i] = rows[i] - lower[k][i] * rows[k]
-    solved = jnp.stack(rows)
-    return solved[:, :6], solved[:, 6]
+    return jnp.stack(rows)
 
 
 def _factor(A, n: int):
