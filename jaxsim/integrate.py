@@ -150,7 +150,8 @@ def runge_kutta(
     A rotation during the step is `q exp(theta)`, and what the stages average is the rate of
     theta, not the angular velocity (Munthe-Kaas 1999; Hairer, Lubich and Wanner, Geometric
     Numerical Integration, section IV.8). MuJoCo averages angular velocities, which has second
-    order for rotations; without ball and free joints both are the same.
+    order for rotations, and so do we if `model.rotations` is "mujoco"; without ball and free joints
+    both are the same.
     """
     h = model.opt.timestep
 
@@ -167,7 +168,9 @@ def runge_kutta(
             time=state.time + h * fraction,
         )
         then = evaluate(at)
-        derivative = _derivative(then, exponential_rate(model, at.qvel, theta))
+        lie = model.rotations == "lie"
+        moving = exponential_rate(model, at.qvel, theta) if lie else at.qvel
+        derivative = _derivative(then, moving)
         total = jax.tree.map(lambda a, b: a + weight * b, total, derivative)
         return (derivative, total, then.actuation.actuator_length, at), None
 

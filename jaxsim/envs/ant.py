@@ -43,10 +43,10 @@ class Ant(Task):
 
     Differences from Gymnasium's Ant-v5: task and model are the same. As there, wrenches and the
     displacement are those of the last evaluation of forces, one stage of Runge-Kutta before the
-    state. Its Runge-Kutta averages angular velocities, ours works in the group of rotations: after
-    one step of 50 ms positions differ by 1e-7 to 1e-6. From Brax: its ant touches the floor with
-    spheres at the feet only, advances by semi-implicit Euler, observes no wrenches (27 numbers) and
-    has no contact cost.
+    state. As MuJoCo's, its Runge-Kutta averages angular velocities; load the model without
+    `rotations` for the more accurate one. From Brax: its ant touches the floor with spheres at the
+    feet only, advances by semi-implicit Euler, observes no wrenches (27 numbers) and has no contact
+    cost.
 
     Attributes:
       forward_reward_weight: reward for a speed of 1 m/s.
@@ -62,7 +62,7 @@ class Ant(Task):
       include_cfrc_ext_in_observation: whether wrenches are observed.
     """
 
-    model: Model = struct.field(default_factory=lambda: load_asset("ant"))
+    model: Model = struct.field(default_factory=lambda: load_asset("ant", rotations="mujoco"))
     frame_skip: int = static(5)
     forward_reward_weight: float = 1.0
     ctrl_cost_weight: float = 0.5

@@ -73,7 +73,7 @@ class Humanoid(WholeBody):
       include_cfrc_ext_in_observation: whether wrenches are observed.
     """
 
-    model: Model = struct.field(default_factory=lambda: load_asset("humanoid"))
+    model: Model = struct.field(default_factory=lambda: load_asset("humanoid", rotations="mujoco"))
     forward_reward_weight: float = 1.25
     ctrl_cost_weight: float = 0.1
     contact_cost_weight: float = 5e-7

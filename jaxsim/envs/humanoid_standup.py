@@ -23,10 +23,10 @@ class HumanoidStandup(WholeBody):
     Episode: starts with positions and velocities uniform within `reset_noise_scale` about lying
     at rest; never terminated; cut after 1000 steps.
 
-    Differences from Gymnasium's HumanoidStandup-v5: task and model are the same, but that
-    ignores `uph_cost_weight`. What is said at `humanoid` about stages, PGS and rotations holds here
-    too. From Brax: its model does not touch itself and advances by semi-implicit Euler, its height
-    counts over dt = 15 ms instead of 3 ms, it has no impact cost, and observes no wrenches.
+    Differences from Gymnasium's HumanoidStandup-v5: task and model are the same, but that ignores
+    `uph_cost_weight`. What is said at `humanoid` about stages and PGS holds here too. From Brax:
+    its model does not touch itself and advances by semi-implicit Euler, its height counts over dt =
+    15 ms instead of 3 ms, it has no impact cost, and observes no wrenches.
 
     Attributes:
       uph_cost_weight: reward for the height, per metre and time step.
@@ -41,7 +41,9 @@ class HumanoidStandup(WholeBody):
       include_cfrc_ext_in_observation: whether wrenches are observed.
     """
 
-    model: Model = struct.field(default_factory=lambda: load_asset("humanoid_standup"))
+    model: Model = struct.field(
+        default_factory=lambda: load_asset("humanoid_standup", rotations="mujoco")
+    )
     uph_cost_weight: float = 1.0
     ctrl_cost_weight: float = 0.1
     impact_cost_weight: float = 0.5e-6

@@ -18,6 +18,7 @@ def load(
     max_contacts: int | None = None,
     max_geom_pairs: int | None = None,
     hessian: str = "auto",
+    rotations: str = "lie",
 ) -> Model:
     """Load a model.
 
@@ -29,6 +30,8 @@ def load(
       max_geom_pairs: geom pairs of each kind whose exact geometry is evaluated; None as before.
       hessian: how the constraint solver solves with its Hessian: "articulated" (O(n); nothing may
         couple two moving links), "dense", "iterative", or "auto" for the best of them.
+      rotations: what RK4 averages of ball and free joints: "lie", rates of rotation vectors, which
+        has fourth order, or "mujoco", angular velocities as MuJoCo does, which has second order.
 
     Returns:
       The model, its numbers in JAX's default float type.
@@ -42,10 +45,13 @@ def load(
     """
     if hessian not in ("auto", *STRATEGIES):
         raise ValueError(f"hessian must be one of auto, {', '.join(STRATEGIES)}, got {hessian!r}")
+    if rotations not in ("lie", "mujoco"):
+        raise ValueError(f"rotations must be lie or mujoco, got {rotations!r}")
     mj = compile_mujoco(source)
     model = build(mj)
     budget = contact_budget(mj, model, max_geom_pairs, max_contacts)
-    return model.replace(hessian=hessian, max_geom_pairs=budget[0], max_contacts=budget[1])
+    model = model.replace(hessian=hessian, rotations=rotations)
+    return model.replace(max_geom_pairs=budget[0], max_contacts=budget[1])
 
 
 def compile_mujoco(source) -> mujoco.MjModel:

@@ -19,7 +19,8 @@ _STATIC_OPTIONS = (
     "integrator cone solver iterations ls_iterations disableflags enableflags disableactuator"
 ).split()
 
-_NOT_MUJOCO = {"structure", "opt", "stat", "hessian", "max_contacts", "max_geom_pairs"}
+_NOT_MUJOCO = {"structure", "opt", "stat", "hessian", "rotations"}
+_NOT_MUJOCO |= {"max_contacts", "max_geom_pairs"}
 
 
 def build(mj: mujoco.MjModel) -> Model:

@@ -71,7 +71,7 @@ class Model:
     have dry friction (`friction_dofs`, `friction_tendons`: those whose loss was positive), how it
     solves with its Hessian (`hessian`), and how many contacts it keeps (`max_contacts`, for each
     condim) of how many geom pairs (`max_geom_pairs`, for each pair of shapes). The last three are
-    arguments of `jaxsim.load`.
+    arguments of `jaxsim.load`, and so is what Runge-Kutta averages of rotations (`rotations`).
     """
 
     structure: Structure = struct.field(pytree_node=False)
@@ -165,6 +165,7 @@ class Model:
     key_mquat: Float[Array, "nkey nmocap4"]
     key_ctrl: Float[Array, "nkey nu"]
     hessian: str = struct.field(pytree_node=False, default="auto")
+    rotations: str = struct.field(pytree_node=False, default="lie")
     max_contacts: int | None = struct.field(pytree_node=False, default=None)
     max_geom_pairs: int | None = struct.field(pytree_node=False, default=None)
 

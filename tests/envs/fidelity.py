@@ -23,7 +23,6 @@ GYMNASIUM = {
     "swimmer": "Swimmer-v5",
     "walker2d": "Walker2d-v5",
 }
-_EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
 _NEWTON = int(mujoco.mjtSolver.mjSOL_NEWTON)
 
 
@@ -45,30 +44,23 @@ class Trace:
     terminated: np.ndarray  # (T,)
 
 
-def theirs(name: str, euler: bool = False, converged: bool = False, **options) -> gymnasium.Env:
+def theirs(name: str, converged: bool = False, **options) -> gymnasium.Env:
     """Gymnasium's environment without wrappers.
 
     Args:
       name: our name of the task.
-      euler: integrate by semi-implicit Euler whatever the task says.
       converged: solve for the contact forces to the end.
       options: what `gymnasium.make` takes.
     """
     env = gymnasium.make(GYMNASIUM[name], **options).unwrapped
-    if euler:
-        env.model.opt.integrator = _EULER
     if converged:
         env.model.opt.solver, env.model.opt.iterations = _NEWTON, 100
     return env
 
 
-def ours(name: str, euler: bool = False, **options) -> jaxsim.envs.Task:
+def ours(name: str, **options) -> jaxsim.envs.Task:
     """Our environment without wrappers."""
-    env = jaxsim.envs.make(name, max_episode_steps=None, **options)
-    if not euler:
-        return env
-    opt = env.model.opt.replace(integrator=_EULER)
-    return env.with_model(env.model.replace(opt=opt))
+    return jaxsim.envs.make(name, max_episode_steps=None, **options)
 
 
 def script(env: gymnasium.Env, seed: int, steps: int) -> Script:
