@@ -163,10 +163,10 @@ class LinkRows:
 
     def sorted_by_link(self, tree):
         """Sorted where the links are known; links decided at run time stay as they are."""
-        sides = self._sides()
-        if not all(isinstance(link, Links) for _, _, link in sides):
+        known = [(sign * G, k) for sign, G, k in self._sides() if isinstance(k, Links)]
+        if len(known) < len(self._sides()):
             return self
-        parts = tuple(make_side(tree, sign * G, link.array) for sign, G, link in sides)
+        parts = tuple(make_side(tree, G, links.array) for G, links in known)
         return RowsByLink(parts, self.coupled)
 
     def _sides(self):
