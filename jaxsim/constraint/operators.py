@@ -25,6 +25,7 @@ from jaxsim.model import Model
 from jaxsim.model.topology import Forest
 from jaxsim.solver import DenseOperator, Operator, pcg_solve
 from jaxsim.solver.operator import Lifted, Rows
+from jaxsim.spatial import Inertia
 
 # Conjugate gradients end when the residual has shrunk by this many units of rounding.
 _CG_ROUNDING = 10.0
@@ -57,7 +58,7 @@ class TreeOperator:
 
     Attributes:
       cdof: motion axes.
-      inertia: inertias of the links, as matrices.
+      inertia: inertias of the links.
       armature: of the degrees of freedom.
       jacobians: one per block, rows sorted by link where that is static.
       tree: the links, static.
@@ -65,7 +66,7 @@ class TreeOperator:
     """
 
     cdof: Float[Array, "nv 6"]
-    inertia: Float[Array, "njnt 6 6"]
+    inertia: Inertia
     armature: Float[Array, "nv"]
     jacobians: tuple[Jacobian, ...]
     tree: Forest = struct.field(pytree_node=False)
@@ -78,7 +79,7 @@ class TreeOperator:
 
     def lift_known(self, x: Float[Array, "nv"], a: Float[Array, "njnt 6"]) -> TreePoint:
         """`lift(x)` where the accelerations of the links are known."""
-        momentum = jax.vmap(jnp.matmul)(self.inertia, a)
+        momentum = jax.vmap(lambda inertia, a: inertia.apply(a))(self.inertia, a)
         return TreePoint(x, a, momentum, tuple(J.apply(x, a) for J in self.jacobians))
 
     def vector(self, y: TreePoint) -> Float[Array, "nv"]:
@@ -104,7 +105,8 @@ class TreeOperator:
 
     def solve(self, curvatures: Rows, r: Float[Array, "nv"]) -> TreePoint:
         """The lifted `(M + J^T W J)^-1 r`."""
-        matrix, diagonal = self.inertia, self.armature
+        matrix = jax.vmap(lambda inertia: inertia.as_matrix())(self.inertia)
+        diagonal = self.armature
         for J, W in zip(self.jacobians, curvatures, strict=True):
             dof, link = J.curvature(self.tree, W)
             diagonal = diagonal if dof is None else diagonal + dof
@@ -130,10 +132,9 @@ def make_operator(model: Model, kin: Kinematics, blocks: list[Block], strategy: 
             jacobian=tuple(J.dense(model.tree, kin.cdof) for J in jacobians),
         )
     armature = to_tree_order(model, dof_armature(model))
-    matrices = jax.vmap(lambda inertia: inertia.as_matrix())(kin.inertia)
     jacobians = tuple(J.sorted_by_link(model.tree) for J in jacobians)
     exact = strategy == "articulated"
-    return TreeOperator(kin.cdof, matrices, armature, jacobians, model.tree, exact)
+    return TreeOperator(kin.cdof, kin.inertia, armature, jacobians, model.tree, exact)
 
 
 def lifted(operator: Operator, x: Float[Array, "nv"], a: Float[Array, "njnt 6"]) -> Lifted:

@@ -108,19 +108,23 @@ def _substitute(parent, _, dofs):
 
 
 def _solve_joint(joint, U, u):
-    """`joint^-1 U` and `joint^-1 u` for 1, 3 or 6 degrees of freedom: LDL^T, unrolled."""
+    """`joint^-1 U` and `joint^-1 u` for 1, 3 or 6 degrees of freedom.
+
+    Two products with the inverse: joined in one substitution, reverse mode would not see that the
+    solve is linear in u alone.
+    """
     n = joint.shape[0]
     if n == 1:
         inverse = 1 / joint[0, 0]
         return inverse * U, inverse * u
+    inverse = _inverse(joint, n)
+    return inverse @ U, inverse @ u
+
+
+def _inverse(joint, n: int):
+    """By LDL^T on the rows of the identity."""
     lower, pivots = _factor(joint, n)
-    # One after the other: joined, reverse mode could not see that only u moves in a linear solve.
-    return _substitute_factor(lower, pivots, U), _substitute_factor(lower, pivots, u)
-
-
-def _substitute_factor(lower, pivots, right):
-    """`(L D L^T)^-1 right`, row by row."""
-    n, rows = len(pivots), list(right)
+    rows = list(jnp.eye(n, dtype=joint.dtype))
     for i in range(n):
         for k in range(i):
             rows[i] = rows[i] - lower[i][k] * rows[k]
