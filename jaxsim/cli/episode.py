@@ -10,7 +10,7 @@ import jax
 import numpy as np
 from mujoco.rendering.classic import gl_context
 
-from jaxsim import viz
+from jaxsim.envs.bridges.render import frames as frames_of
 from jaxsim.viz.video import write_video
 
 MAX_STEPS = 1000
@@ -29,7 +29,7 @@ def save_video(env: Any, policy: Any, path: pathlib.Path, seed: int) -> str:
 
 def _frames(env: Any, policy: Any, seed: int) -> tuple[list[np.ndarray], float]:
     reset, step = jax.jit(env.reset), jax.jit(lambda s: env.step(s, policy(s.obs)))
-    drawing = viz.Frames(env.unwrapped.model)
+    drawing = frames_of(env, 480, 480, None)
     state = reset(jax.random.key(seed))
     frames = [drawing.frame(jax.device_get(state.state))]  # fails early where nothing can draw
     every = max(1, round(1 / (SLOWEST * float(env.dt))))
