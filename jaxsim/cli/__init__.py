@@ -20,6 +20,7 @@ examples:
   jaxsim simulate my_robot.xml --ctrl zero      a file of yours, MJCF or URDF
   jaxsim train inverted_pendulum                a policy in less than a minute
   jaxsim play runs/...                          what it has learnt
+  jaxsim bench throughput --models humanoid     speed beside MuJoCo C
 """
 
 _SIMULATE = """\
@@ -82,6 +83,15 @@ examples:
   jaxsim play runs/ant-3 --episodes 1000 --no-video
 """
 
+_BENCH = """\
+Run a benchmark of a clone of the repository; `jaxsim bench NAME --help` lists its options.
+
+  throughput  steps per second of whole batches, beside MuJoCo C and MJX
+  solver      the constraint problem by itself
+  dynamics    the recursions by themselves
+  training    returns of trained policies against wall time
+"""
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line.
@@ -116,6 +126,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_simulate(commands)
     _add_train(commands)
     _add_play(commands)
+    _add_bench(commands)
     commands.add_parser(
         "models", help="list the bundled models", description="List the bundled models."
     )
@@ -199,6 +210,18 @@ def _add_simulate(commands) -> None:
     )
     option("--keyframe", metavar="NAME", help="start at this keyframe instead of qpos0")
     option("--timestep", type=_positive(float), metavar="SECONDS", help="instead of the model's")
+
+
+def _add_bench(commands) -> None:
+    bench = commands.add_parser(
+        "bench",
+        help="run a benchmark",
+        description=_BENCH,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    names = ("throughput", "solver", "dynamics", "training")
+    bench.add_argument("benchmark", choices=names, help="which one")
+    bench.add_argument("options", nargs=argparse.REMAINDER, help="passed on to it")
 
 
 def _positive(number):
