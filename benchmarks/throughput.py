@@ -5,6 +5,9 @@ mujoco.rollout with one thread per core. Euler integrator, the models' other set
 random controls, the first keyframe (or qpos0) with a little random velocity at the start. MJX gets
 a batch of its own, `--mjx-batch`, at which it is fastest on a CPU.
 
+With `--envs`, environments as well: steps per second of the compiled step with automatic resets, of
+the same behind Gymnasium's VectorEnv and Brax's interface, and of Gymnasium's own vectors.
+
 Accuracy next to speed: the largest difference of accelerations to MuJoCo C, relative to the largest
 acceleration, over states that a rollout of MuJoCo visits, from the same warm starts. Memory is
 what the process grew by when the batch was compiled and run for the first time.
@@ -18,6 +21,7 @@ import time
 from collections.abc import Callable
 
 import common
+import environments
 import models
 import mujoco
 import numpy as np
@@ -53,19 +57,32 @@ def main(arguments=None) -> None:
     for name in options.models:
         rows += _model_rows(name, options)
         print(common.table(r for r in rows if r["model"] == name), flush=True)
+    env_rows = []
+    for name in options.envs:
+        env_rows += environments.rows(name, options)
+        print(common.table(r for r in env_rows if r["environment"] == name), flush=True)
     if options.json:
         options.out, options.name = options.json.parent, options.json.stem
-    common.write(options, __file__, {"rows": rows}, lambda figure: _draw(figure, rows))
+    common.write(
+        options,
+        __file__,
+        {"rows": rows, "environments": env_rows},
+        lambda figure: _draw(figure, rows),
+    )
 
 
 def _options(arguments) -> argparse.Namespace:
     parser = common.parser(__doc__, repetitions=5)
     fast = [name for name in models.MODELS if name not in ("gymnasium_humanoid", "five_humanoids")]
-    parser.add_argument("--models", nargs="+", default=fast, choices=models.MODELS)
+    parser.add_argument("--models", nargs="*", default=fast, choices=models.MODELS)
     parser.add_argument("--peers", nargs="*", default=["jaxsim", "mujoco"], choices=PEERS)
     parser.add_argument("--batch", type=int, default=1024, help="environments")
     parser.add_argument("--mjx-batch", type=int, default=128, help="environments for MJX")
     parser.add_argument("--steps", type=int, default=50, help="steps of a rollout")
+    parser.add_argument(
+        "--envs", nargs="*", default=[], choices=environments.GYMNASIUM, help="whole environments"
+    )
+    parser.add_argument("--env-steps", type=int, default=50, help="steps of an environment")
     parser.add_argument("--states", type=int, default=32, help="states for the accuracy")
     parser.add_argument("--devices", type=int, default=os.cpu_count(), help="devices and threads")
     parser.add_argument("--iterations", type=int, help="Newton steps (default: the model's)")
