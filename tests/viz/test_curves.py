@@ -26,7 +26,11 @@ def test_video_has_the_frames(tmp_path):
     frames = [np.full((32, 48, 3), i * 20, np.uint8) for i in range(5)]
     path = write_video(frames, tmp_path / "episode", fps=25)
     assert path.suffix in (".mp4", ".gif")
-    assert imageio.imread(path, index=None).shape[:3] == (5, 32, 48)
+    if path.suffix == ".gif":
+        assert imageio.imread(path, index=None).shape[:3] == (5, 32, 48)
+    else:  # imageio's reader of mp4 leaves its pipes open
+        ffmpeg = pytest.importorskip("imageio_ffmpeg")
+        assert ffmpeg.count_frames_and_secs(str(path))[0] == 5
 
 
 @pytest.mark.parametrize(
