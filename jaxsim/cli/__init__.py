@@ -127,21 +127,24 @@ def _parser() -> argparse.ArgumentParser:
     _add_train(commands)
     _add_play(commands)
     _add_bench(commands)
-    commands.add_parser(
-        "models", help="list the bundled models", description="List the bundled models."
-    )
-    commands.add_parser("envs", help="list the environments", description="List the environments.")
+    _add(commands, "models", "list the bundled models", "List the bundled models.")
+    _add(commands, "envs", "list the environments", "List the environments.")
     return parser
 
 
-def _add_train(commands) -> None:
-    train = commands.add_parser(
-        "train",
-        help="train a policy",
-        description=_TRAIN,
-        epilog=_TRAIN_EXAMPLES,
+def _add(commands, name: str, summary: str, description: str, epilog: str | None = None):
+    """A command, its help laid out as written here."""
+    return commands.add_parser(
+        name,
+        help=summary,
+        description=description,
+        epilog=epilog,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+
+
+def _add_train(commands) -> None:
+    train = _add(commands, "train", "train a policy", _TRAIN, _TRAIN_EXAMPLES)
     option = train.add_argument
     option("env", metavar="ENV", help="name of an environment; `jaxsim envs` lists them")
     option("--algorithm", default="ppo", help="ppo (default), sac, apg or shac")
@@ -164,13 +167,7 @@ def _add_train(commands) -> None:
 
 
 def _add_play(commands) -> None:
-    play = commands.add_parser(
-        "play",
-        help="evaluate and show a trained policy",
-        description=_PLAY,
-        epilog=_PLAY_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    play = _add(commands, "play", "evaluate and show a trained policy", _PLAY, _PLAY_EXAMPLES)
     play.add_argument("checkpoint", type=pathlib.Path, metavar="DIR", help="directory of a run")
     play.add_argument("--episodes", type=_positive(int), default=64, help="how many (64)")
     play.add_argument("--seed", type=int, default=1, help="seed of the starts (1)")
@@ -184,12 +181,8 @@ def _add_video(parser) -> None:
 
 
 def _add_simulate(commands) -> None:
-    simulate = commands.add_parser(
-        "simulate",
-        help="simulate many copies of a model",
-        description=_SIMULATE,
-        epilog=_SIMULATE_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    simulate = _add(
+        commands, "simulate", "simulate many copies of a model", _SIMULATE, _SIMULATE_EXAMPLES
     )
     option = simulate.add_argument
     option("model", metavar="MODEL", help="a .xml or .urdf file, or the name of a bundled model")
@@ -213,12 +206,7 @@ def _add_simulate(commands) -> None:
 
 
 def _add_bench(commands) -> None:
-    bench = commands.add_parser(
-        "bench",
-        help="run a benchmark",
-        description=_BENCH,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    bench = _add(commands, "bench", "run a benchmark", _BENCH)
     names = ("throughput", "solver", "dynamics", "training")
     bench.add_argument("benchmark", choices=names, help="which one")
     bench.add_argument("options", nargs=argparse.REMAINDER, help="passed on to it")

@@ -9,14 +9,13 @@ from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
-import rich
 import rich.console
 import rich.progress
-import rich.table
 from jax.sharding import NamedSharding, PartitionSpec
 
 import jaxsim
 from jaxsim.cli import UsageError
+from jaxsim.cli.report import note, report
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,9 +35,9 @@ def run(arguments: argparse.Namespace) -> int:
     one_device_per_core()
     model, state = _load(arguments)
     result = simulate(model, state, arguments)
-    rich.print(_report(model, result, arguments))
+    report(_rows(model, result, arguments))
     if result.diverged:
-        rich.console.Console(stderr=True, soft_wrap=True).print(_remedy(model, result, arguments))
+        note(_remedy(model, result, arguments))
     return int(result.diverged > 0)
 
 
@@ -155,12 +154,12 @@ def _progress() -> rich.progress.Progress:
     )
 
 
-def _report(model, result: Result, arguments: argparse.Namespace) -> rich.table.Table:
+def _rows(model, result: Result, arguments: argparse.Namespace) -> dict[str, str]:
     total = arguments.envs * arguments.steps
     speed = total / result.run_time
     sizes = f"nq {model.nq}, nv {model.nv}, nu {model.nu}"
     platform = jax.default_backend()
-    rows = {
+    return {
         "model": f"{arguments.model} ({sizes})",
         "environments": f"{arguments.envs:,} on {result.devices} {platform} device(s)",
         "steps each": f"{arguments.steps:,} of {float(model.opt.timestep):g} s",
@@ -171,12 +170,6 @@ def _report(model, result: Result, arguments: argparse.Namespace) -> rich.table.
         "mean kinetic energy": f"{_kinetic_energy(model, result.states):.4g} J",
         "diverged environments": f"{result.diverged:,}",
     }
-    table = rich.table.Table(show_header=False, box=None)
-    table.add_column(style="bold", no_wrap=True)
-    table.add_column()
-    for name, value in rows.items():
-        table.add_row(name, value)
-    return table
 
 
 def _kinetic_energy(model, states: jaxsim.State) -> float:

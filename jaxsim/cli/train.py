@@ -4,13 +4,10 @@ import argparse
 import datetime
 import pathlib
 
-import rich
-import rich.console
-import rich.table
-
 from jaxsim import rl
 from jaxsim.cli import UsageError
 from jaxsim.cli.episode import save_video
+from jaxsim.cli.report import note, report
 from jaxsim.cli.simulate import one_device_per_core
 from jaxsim.rl import checkpoint, distributed
 from jaxsim.rl.driver import run_env
@@ -31,7 +28,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _train(arguments: argparse.Namespace) -> int:
-
     directory = arguments.out or _directory(arguments)
     settings, seed, algorithm = arguments.config, arguments.seed, arguments.algorithm
     if arguments.resume:
@@ -63,13 +59,12 @@ def _finish(arguments: argparse.Namespace, result) -> None:
     if arguments.video and not result.interrupted:
         env = run_env(checkpoint.read_run(result.directory))
         notes.append(save_video(env, result.policy, result.directory / "episode", arguments.seed))
-    rich.print(_report(result))
-    for note in notes:
-        rich.console.Console(stderr=True, soft_wrap=True).print(note)
+    report(_rows(result))
+    for text in notes:
+        note(text)
 
 
 def _curve(name: str, directory: pathlib.Path) -> str:
-
     path = directory / "curve.png"
     try:
         plot_learning({"deterministic policy": read(directory / "metrics.jsonl")}, path, name)
@@ -78,22 +73,21 @@ def _curve(name: str, directory: pathlib.Path) -> str:
     return f"learning curve: {path}"
 
 
-def _report(result) -> rich.table.Table:
-    table = rich.table.Table(show_header=False, box=None)
-    table.add_column(style="bold", no_wrap=True)
-    table.add_column()
+def _rows(result) -> dict[str, str]:
     last = result.history[-1] if result.history else {"steps": 0, "seconds": 0.0}
+    verb = "train ... --resume" if result.interrupted else "play"
+    rows = {
+        "steps": f"{last['steps']:,.0f}",
+        "time, with compilation": f"{last['seconds']:.1f} s",
+        "diverged environments": f"{sum(r['nonfinite'] for r in result.history):,.0f}",
+        "checkpoints and logs": str(result.directory),
+        "go on with": f"jaxsim {verb} {result.directory}",
+    }
     if result.evaluations:
         row = result.evaluations[-1]
         spread = f"{row['eval_return']:,.1f} +- {row['eval_return_std']:,.1f}"
-        table.add_row("return of the policy", spread)
-    table.add_row("steps", f"{last['steps']:,.0f}")
-    table.add_row("time, with compilation", f"{last['seconds']:.1f} s")
-    table.add_row("diverged environments", f"{sum(r['nonfinite'] for r in result.history):,.0f}")
-    table.add_row("checkpoints and logs", str(result.directory))
-    verb = "train ... --resume" if result.interrupted else "play"
-    table.add_row("go on with", f"jaxsim {verb} {result.directory}")
-    return table
+        rows = {"return of the policy": spread, **rows}
+    return rows
 
 
 def _directory(arguments: argparse.Namespace) -> pathlib.Path:

@@ -1,36 +1,97 @@
-"""What a trainer hands to the driver: plain functions for one device."""
+"""What a trainer hands to the driver: functions for one device."""
 
-import dataclasses
-from collections.abc import Callable
-from typing import Any
+import abc
+from typing import Any, ClassVar
 
-from jaxsim.rl.config import TrainConfig
-from jaxsim.rl.networks import Policy
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxsim.envs import Env
+from jaxsim.rl.collect import start_actors
+from jaxsim.rl.config import ConfigError, TrainConfig
+from jaxsim.rl.distributed import AXIS
+from jaxsim.rl.networks import ActionRange, Policy
+from jaxsim.rl.normalize import RunningStatistics
 
 Metrics = dict[str, Any]
 
 
-@dataclasses.dataclass(frozen=True)
-class Algorithm:
-    """A trainer, ready to run; `jaxsim.rl.programs` compiles it for all devices, `driver` runs it.
+class Algorithm(abc.ABC):
+    """A trainer; `jaxsim.rl.programs` compiles it for all devices, `jaxsim.rl.driver` runs it.
 
     Inside `start` and `epoch` the axis `distributed.AXIS` is bound; the learner must come out
-    the same on all devices, so gradients, statistics and metrics are averaged along it.
+    the same on all devices, so gradients, statistics and metrics are averaged along it. A learner
+    is a record with at least `obs`, the statistics of the observations, a `key`, and `epoch`, the
+    number of epochs so far.
 
     Attributes:
-      config: its settings.
-      init: `key -> learner`; runs once for all devices.
-      start: `(learner, keys) -> actors`, one key for each environment of this device.
-      epoch: `(learner, actors) -> (learner, actors, metrics)`; metrics are scalars, among them
-        "episode_return" and "episode_length" (means over the episodes that ended, NaN for none)
-        and "nonfinite" (environments that were reset because of a NaN).
-      policy: `learner -> Policy`.
+      Config: the class of its settings.
+      env: the environment, with `AutoReset`.
+      config: the settings.
+      devices: how many devices share the work.
       steps_per_epoch: environment steps of one call of `epoch` on all devices together.
+      scale: from the actions of the network to those of the environment.
     """
 
-    config: TrainConfig
-    init: Callable[[Any], Any]
-    start: Callable[[Any, Any], Any]
-    epoch: Callable[[Any, Any], tuple[Any, Any, Metrics]]
-    policy: Callable[[Any], Policy]
-    steps_per_epoch: int
+    Config: ClassVar[type[TrainConfig]]
+
+    def __init__(self, env: Env, config: Any, devices: int, unroll: int):
+        self.env, self.config, self.devices = env, config, devices
+        self.steps_per_epoch = config.envs * unroll
+        self.scale = ActionRange.of(env)
+        self.check_divides("envs", config.envs)
+
+    @abc.abstractmethod
+    def init(self, key) -> Any:
+        """What is learnt, before training; runs once for all devices."""
+
+    def start(self, learner: Any, keys) -> Any:
+        """What acts: one environment of this device for each key."""
+        return start_actors(self.env, keys)
+
+    @abc.abstractmethod
+    def epoch(self, learner: Any, actors: Any) -> tuple[Any, Any, Metrics]:
+        """Act and learn.
+
+        Returns:
+          The learner and the actors afterwards, and scalars, among them "episode_return" and
+          "episode_length" (means over the episodes that ended, NaN for none) and "nonfinite"
+          (environments that were reset because of a NaN).
+        """
+
+    @abc.abstractmethod
+    def policy(self, learner: Any) -> Policy:
+        """The present policy."""
+
+    def statistics(self, learner: Any) -> RunningStatistics | None:
+        """What observations are normalised by; None for nothing."""
+        return learner.obs if self.config.normalize_obs else None
+
+    def normalize(self, learner: Any, obs: Float[Array, "*batch n"]) -> Float[Array, "*batch n"]:
+        """Observations as the networks see them."""
+        statistics = self.statistics(learner)
+        return obs if statistics is None else statistics.normalize(obs)
+
+    def end_epoch(self, learner: Any, obs: Float[Array, "T n obs"], key) -> Any:
+        """Include the observations of an epoch in the statistics, and count it.
+
+        Not before the end of an epoch: all of it must see one normalisation.
+        """
+        seen = learner.obs.update(obs.reshape(-1, obs.shape[-1]), AXIS)
+        return learner.replace(obs=seen, key=key, epoch=learner.epoch + 1)
+
+    def remaining(self, learner: Any) -> Float[Array, ""]:
+        """The part of the training that is still to come, from 1 to 0."""
+        epochs = max(1, self.config.total_steps // self.steps_per_epoch)
+        return jnp.clip(1 - learner.epoch / epochs, 0.0, 1.0)
+
+    def check_divides(self, name: str, value: int) -> None:
+        """A number that the devices share.
+
+        Raises:
+          ConfigError: they cannot share it evenly.
+        """
+        if value % self.devices:
+            raise ConfigError(
+                f"{name} must be a multiple of the {self.devices} devices, got {value}"
+            )

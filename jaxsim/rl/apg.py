@@ -16,13 +16,13 @@ import jax.numpy as jnp
 import optax
 from flax import struct
 from jax import lax
-from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float
 
 from jaxsim.envs import Env
 from jaxsim.rl.algorithm import Algorithm
-from jaxsim.rl.collect import Actors, collect, start_actors
+from jaxsim.rl.collect import Actors, collect
 from jaxsim.rl.config import ConfigError, NetworkConfig, TrainConfig
+from jaxsim.rl.descent import Adam, average, keep_finite
 from jaxsim.rl.differentiable import (
     NO_LIMIT,
     Differentiable,
@@ -31,7 +31,7 @@ from jaxsim.rl.differentiable import (
     spread_episodes,
 )
 from jaxsim.rl.distributed import AXIS
-from jaxsim.rl.networks import ActionRange, Policy, TanhGaussianPolicy
+from jaxsim.rl.networks import Policy, TanhGaussianPolicy
 from jaxsim.rl.normalize import RunningStatistics
 
 NETWORK = NetworkConfig(activation="elu")
@@ -90,38 +90,22 @@ class Learner:
     epoch: Any
 
 
-def make(env: Env, config: Config, devices: int) -> Algorithm:
-    """The algorithm on an environment (with `AutoReset`), on this many devices."""
-    _check(config, devices)
-    apg = APG(env, config)
-    return Algorithm(
-        config=config,
-        init=apg.init,
-        start=apg.start,
-        epoch=apg.epoch,
-        policy=apg.policy,
-        steps_per_epoch=config.envs * config.unroll,
-    )
+class APG(Algorithm):
+    """The algorithm on an environment (with `AutoReset`), its part on one of the devices."""
 
+    Config = Config
 
-class APG:
-    """The algorithm as functions for one device, with its environment, settings and network."""
-
-    def __init__(self, env: Env, config: Config):
-        env = cut_episodes(env, config.episode_steps)
-        self.env, self.config = Differentiable(env, config.max_step_gradient), config
-        self.scale = ActionRange.of(env)
+    def __init__(self, env: Env, config: Config, devices: int = 1):
+        env = Differentiable(cut_episodes(env, config.episode_steps), config.max_step_gradient)
+        super().__init__(env, config, devices, config.unroll)
+        if config.unroll % config.horizon:
+            raise ConfigError(
+                f"unroll must be a multiple of horizon ({config.horizon}), got {config.unroll}"
+            )
         self.network = TanhGaussianPolicy(
             env.action_size, config.policy.hidden, config.policy.activation
         )
-        # Flattened, the update of all parameters is a few vector operations.
-        self.adam = optax.flatten(
-            optax.chain(
-                optax.clip_by_global_norm(config.max_grad_norm),
-                optax.scale_by_adam(config.momentum[0], config.momentum[1]),
-            )
-        )
-        self.epochs = max(1, config.total_steps // (config.envs * config.unroll))
+        self.adam = Adam(config.max_grad_norm, config.momentum)
 
     def init(self, key) -> Learner:
         """Parameters before training."""
@@ -138,12 +122,11 @@ class APG:
 
     def start(self, learner: Learner, keys) -> Actors:
         """Reset one environment for each key, and spread the ends of their episodes."""
-        return spread_episodes(start_actors(self.env, keys), keys, self.config.episode_steps)
+        return spread_episodes(super().start(learner, keys), keys, self.config.episode_steps)
 
     def policy(self, learner: Learner) -> Policy:
         """The present policy."""
-        statistics = learner.obs if self.config.normalize_obs else None
-        return Policy(learner.params, statistics, self.scale, self.network)
+        return Policy(learner.params, self.statistics(learner), self.scale, self.network)
 
     def epoch(self, learner: Learner, actors: Actors):
         """Improve the policy by the gradient of a rollout."""
@@ -152,23 +135,16 @@ class APG:
         gradient, (actors, obs, episodes, objective) = jax.grad(self.loss, has_aux=True)(
             learner.params, learner, actors, key
         )
-        # One collective for everything, as each of them costs a rendezvous of all devices.
-        flat, unravel = ravel_pytree((gradient, objective))
-        flat = lax.pmean(flat, AXIS)
-        gradient, objective = unravel(flat)
-        rate = self.config.learning_rate * jnp.clip(1 - learner.epoch / self.epochs, 0.0, 1.0)
-        step, optimizer = self.adam.update(gradient, learner.optimizer)
-        params = jax.tree.map(lambda p, s: p - (rate * s).astype(p.dtype), learner.params, step)
-        improved = learner.replace(params=params, optimizer=optimizer)
-        # Numbers that are not finite must not reach the parameters, whatever they came from.
-        fine = jnp.isfinite(flat).all()
-        learner = jax.tree.map(lambda new, old: jnp.where(fine, new, old), improved, learner)
-        learner = learner.replace(
-            # From the next epoch on: within an epoch the policy must see one normalisation.
-            obs=learner.obs.update(obs.reshape(-1, obs.shape[-1]), AXIS),
-            key=carry,
-            epoch=learner.epoch + 1,
+        gradient, objective = average((gradient, objective))
+        params, optimizer = self.adam.step(
+            learner.params,
+            learner.optimizer,
+            gradient,
+            self.config.learning_rate * self.remaining(learner),
         )
+        improved = learner.replace(params=params, optimizer=optimizer)
+        learner = keep_finite((gradient, objective), improved, learner)
+        learner = self.end_epoch(learner, obs, carry)
         losses = {"objective": objective, "policy_gradient": optax.tree.norm(gradient)}
         return learner, actors, {**episodes.metrics(), **losses}
 
@@ -208,15 +184,3 @@ def truncated_return(
       discount: factor per step.
     """
     return jnp.sum(discounts(done, discount).astype(reward.dtype) * reward)
-
-
-def _check(config: Config, devices: int) -> None:
-    """Sizes must divide; said before anything is compiled."""
-    if config.envs % devices:
-        raise ConfigError(f"envs must be a multiple of the {devices} devices, got {config.envs}")
-    if config.unroll % config.horizon:
-        raise ConfigError(
-            f"unroll must be a multiple of horizon ({config.horizon}), got {config.unroll}"
-        )
-    if len(config.momentum) != 2:
-        raise ConfigError(f"momentum must be two numbers, got {config.momentum}")

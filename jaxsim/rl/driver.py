@@ -21,8 +21,8 @@ from jaxsim.rl.interrupts import Interrupts
 from jaxsim.rl.networks import Policy
 from jaxsim.rl.programs import Programs, compile_all
 
-# Each module has a dataclass `Config` and `make(env, config, devices) -> Algorithm`.
-ALGORITHMS = {name: f"jaxsim.rl.{name}" for name in ("ppo", "sac", "apg", "shac")}
+# Each is a module of this package, imported when it is used, with a class of the same name.
+ALGORITHMS = ("ppo", "sac", "apg", "shac")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -94,7 +94,7 @@ def resolve(
     env: str | envs.Env, algorithm: str, settings: Any = None, overrides: Sequence[str] = ()
 ) -> config.TrainConfig:
     """The settings of a training; arguments and errors as for `train`."""
-    cls = module(algorithm).Config
+    cls = algorithm_class(algorithm).Config
     if settings is None:
         settings = config.find(algorithm, env) if isinstance(env, str) else None
         settings = {} if settings is None else settings
@@ -122,9 +122,9 @@ def load_policy(directory: str | pathlib.Path, env: envs.Env | None = None) -> P
     """
     run = read_run(directory)
     env = run_env(run) if env is None else env
-    algorithm = module(run["algorithm"])
+    algorithm = algorithm_class(run["algorithm"])
     settings = config.build(algorithm.Config, run["settings"])
-    made = algorithm.make(envs.AutoReset(env), settings, 1)
+    made = algorithm(envs.AutoReset(env), settings)
     template = jax.eval_shape(lambda key: made.policy(made.init(key)), jax.random.key(0))
     here = jax.sharding.SingleDeviceSharding(jax.devices()[0])
     template = jax.tree.map(
@@ -145,19 +145,19 @@ def run_env(run: Mapping[str, Any]) -> envs.Env:
     """
     if run["env"] is None:
         raise CheckpointError("this run was trained in an environment without a name; pass env")
-    settings = config.build(module(run["algorithm"]).Config, run["settings"])
+    settings = config.build(algorithm_class(run["algorithm"]).Config, run["settings"])
     return make_env(run["env"], settings)
 
 
-def module(algorithm: str) -> Any:
-    """The module of an algorithm.
+def algorithm_class(name: str) -> type[Any]:
+    """The class of an algorithm; `(env, config, devices)` makes an `Algorithm`.
 
     Raises:
       ConfigError: there is no such algorithm.
     """
-    if algorithm not in ALGORITHMS:
-        raise config.ConfigError(config.unknown("algorithm", algorithm, algorithm, ALGORITHMS))
-    return importlib.import_module(ALGORITHMS[algorithm])
+    if name not in ALGORITHMS:
+        raise config.ConfigError(config.unknown("algorithm", name, name, ALGORITHMS))
+    return getattr(importlib.import_module(f"jaxsim.rl.{name}"), name.upper())
 
 
 def make_env(env: str | envs.Env, settings: config.TrainConfig) -> envs.Env:
@@ -183,7 +183,7 @@ class _Run:
         self.settings, self.seed = settings, seed
         self.title = f"{name} on {env if isinstance(env, str) else type(env.unwrapped).__name__}"
         self.env = make_env(env, settings)
-        self.algorithm: Algorithm = module(name).make(
+        self.algorithm: Algorithm = algorithm_class(name)(
             envs.AutoReset(self.env), settings, self.mesh.size
         )
         self.record = {

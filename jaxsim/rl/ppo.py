@@ -14,16 +14,16 @@ import jax.numpy as jnp
 import optax
 from flax import struct
 from jax import lax
-from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from jaxsim.envs import Env
 from jaxsim.rl.algorithm import Algorithm
-from jaxsim.rl.collect import Actors, Experience, collect, start_actors
+from jaxsim.rl.collect import Actors, Experience, collect
 from jaxsim.rl.config import ConfigError, NetworkConfig, TrainConfig
+from jaxsim.rl.descent import Adam, average, check_minibatches, keep_finite, minibatches
 from jaxsim.rl.distributed import AXIS
 from jaxsim.rl.gae import advantages
-from jaxsim.rl.networks import ActionRange, Gaussian, GaussianPolicy, Policy, Value
+from jaxsim.rl.networks import Gaussian, GaussianPolicy, Policy, Value
 from jaxsim.rl.normalize import LIMIT, RunningStatistics, discounted_returns
 
 
@@ -125,37 +125,22 @@ class Sample:
     target: Float[Array, "n"]
 
 
-def make(env: Env, config: Config, devices: int) -> Algorithm:
-    """PPO on an environment (with `AutoReset`), on this many devices."""
-    _check(config, devices)
-    ppo = PPO(env, config)
-    return Algorithm(
-        config=config,
-        init=ppo.init,
-        start=ppo.start,
-        epoch=ppo.epoch,
-        policy=ppo.policy,
-        steps_per_epoch=config.envs * config.unroll,
-    )
+class PPO(Algorithm):
+    """The algorithm on an environment (with `AutoReset`), its part on one of the devices."""
 
+    Config = Config
 
-class PPO:
-    """The algorithm as functions for one device, with its environment, settings and networks."""
-
-    def __init__(self, env: Env, config: Config):
-        self.env, self.config = env, config
-        self.scale = ActionRange.of(env)
+    def __init__(self, env: Env, config: Config, devices: int = 1):
+        super().__init__(env, config, devices, config.unroll)
+        samples = config.envs // devices * config.unroll
+        check_minibatches(samples, config.minibatches, "envs * unroll")
+        if config.schedule not in ("linear", "constant", "kl"):
+            raise ConfigError(f"schedule must be linear, constant or kl, got {config.schedule!r}")
         self.network: Any = GaussianPolicy(
             env.action_size, config.policy.hidden, config.policy.activation, config.initial_std
         )
         self.value: Any = Value(config.value.hidden, config.value.activation)
-        # Flattened, the update of all parameters is a few vector operations.
-        self.adam = optax.flatten(
-            optax.chain(
-                optax.clip_by_global_norm(config.max_grad_norm), optax.scale_by_adam(eps=1e-5)
-            )
-        )
-        self.epochs = max(1, config.total_steps // (config.envs * config.unroll))
+        self.adam = Adam(config.max_grad_norm, epsilon=1e-5)
 
     def init(self, key) -> Learner:
         """Parameters before training."""
@@ -177,13 +162,13 @@ class PPO:
 
     def start(self, learner: Learner, keys) -> PPOActors:
         """Reset one environment for each key."""
-        actors = start_actors(self.env, keys)
+        actors = super().start(learner, keys)
         return PPOActors(actors, jnp.zeros_like(actors.episode_return))
 
     def policy(self, learner: Learner) -> Policy:
         """The present policy."""
-        statistics = learner.obs if self.config.normalize_obs else None
-        return Policy(learner.params["policy"], statistics, self.scale, self.network)
+        params = learner.params["policy"]
+        return Policy(params, self.statistics(learner), self.scale, self.network)
 
     def epoch(self, learner: Learner, actors: PPOActors):
         """Collect experience, then learn from it."""
@@ -201,13 +186,7 @@ class PPO:
         discounted, reward, returns = self.scale_rewards(learner, actors.discounted, seen)
         samples = self.samples(learner, seen.replace(reward=reward))
         learner, losses = self.fit(learner, samples, shuffle_key)
-        learner = learner.replace(
-            # From the next epoch on: within an epoch the policy must see one normalisation.
-            obs=learner.obs.update(seen.obs.reshape(-1, seen.obs.shape[-1]), AXIS),
-            returns=returns,
-            key=carry,
-            epoch=learner.epoch + 1,
-        )
+        learner = self.end_epoch(learner.replace(returns=returns), seen.obs, carry)
         return learner, PPOActors(envs, discounted), {**episodes.metrics(), **losses}
 
     def scale_rewards(self, learner: Learner, before, seen: Experience):
@@ -222,15 +201,14 @@ class PPO:
 
     def samples(self, learner: Learner, seen: Experience) -> Sample:
         """Advantages and targets of all steps, and time and environments as one axis."""
-        normalize = learner.obs.normalize if self.config.normalize_obs else lambda x: x
         value = lambda obs: self.value.apply(learner.params["value"], obs)  # noqa: E731
-        obs = normalize(seen.obs)
+        obs = self.normalize(learner, seen.obs)
         values = value(obs)
         estimate = jax.vmap(advantages, in_axes=(1,) * 5 + (None, None), out_axes=1)
         advantage = estimate(
             seen.reward,
             values,
-            value(normalize(seen.next_obs)),
+            value(self.normalize(learner, seen.next_obs)),
             seen.terminated,
             seen.truncated,
             self.config.discount,
@@ -252,12 +230,9 @@ class PPO:
     def fit(self, learner: Learner, samples: Sample, key) -> tuple[Learner, dict[str, Array]]:
         """All gradient steps of an epoch."""
         count = samples.advantage.shape[0]
-        keys = jax.random.split(key, self.config.passes)
-        order = jax.vmap(lambda k: jnp.argsort(jax.random.bits(k, (count,))))(keys)
-        order = order.reshape(self.config.passes * self.config.minibatches, -1)
+        order = minibatches(key, count, self.config.passes, self.config.minibatches)
         if self.config.schedule == "linear":
-            left = 1 - learner.epoch / self.epochs
-            rate = self.config.learning_rate * jnp.clip(left, 0.0, 1.0)
+            rate = self.config.learning_rate * self.remaining(learner)
             learner = learner.replace(learning_rate=rate.astype(float))
 
         def body(learner, rows):
@@ -276,17 +251,12 @@ class PPO:
     def update(self, learner: Learner, samples: Sample) -> tuple[Learner, dict[str, Array]]:
         """One gradient step on a minibatch."""
         gradient, losses = jax.grad(self.loss, has_aux=True)(learner.params, samples)
-        # One collective for everything, as each of them costs a rendezvous of all devices.
-        flat, unravel = ravel_pytree((gradient, losses))
-        flat = lax.pmean(flat, AXIS)
-        gradient, losses = unravel(flat)
-        step, optimizer = self.adam.update(gradient, learner.optimizer)
-        rate = learner.learning_rate
-        params = jax.tree.map(lambda p, s: p - rate * s, learner.params, step)
+        gradient, losses = average((gradient, losses))
+        params, optimizer = self.adam.step(
+            learner.params, learner.optimizer, gradient, learner.learning_rate
+        )
         updated = learner.replace(params=params, optimizer=optimizer)
-        # Numbers that are not finite must not reach the parameters, whatever they came from.
-        fine = jnp.isfinite(flat).all()
-        return jax.tree.map(lambda new, old: jnp.where(fine, new, old), updated, learner), losses
+        return keep_finite((gradient, losses), updated, learner), losses
 
     def loss(self, params, samples: Sample):
         """The clipped objective, the value function's error and the entropy bonus.
@@ -325,17 +295,3 @@ def divergence(p: Gaussian, q: Gaussian) -> Float[Array, "*batch"]:
     variance_ratio = jnp.exp(2 * (p.log_std - q.log_std))
     distance = jnp.square((p.mean - q.mean) * jnp.exp(-q.log_std))
     return 0.5 * jnp.sum(variance_ratio + distance - 1 - jnp.log(variance_ratio), axis=-1)
-
-
-def _check(config: Config, devices: int) -> None:
-    """Sizes must divide; said before anything is compiled."""
-    if config.envs % devices:
-        raise ConfigError(f"envs must be a multiple of the {devices} devices, got {config.envs}")
-    samples = config.envs // devices * config.unroll
-    if samples % config.minibatches:
-        raise ConfigError(
-            f"envs * unroll on each device ({samples}) must be a multiple of minibatches "
-            f"({config.minibatches})"
-        )
-    if config.schedule not in ("linear", "constant", "kl"):
-        raise ConfigError(f"schedule must be linear, constant or kl, got {config.schedule!r}")

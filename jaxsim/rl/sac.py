@@ -16,15 +16,15 @@ import optax
 from flax import linen as nn
 from flax import struct
 from jax import lax
-from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float
 
 from jaxsim.envs import Env
 from jaxsim.rl.algorithm import Algorithm
-from jaxsim.rl.collect import Actors, Experience, collect, start_actors
+from jaxsim.rl.collect import Actors, Experience, collect
 from jaxsim.rl.config import ConfigError, NetworkConfig, TrainConfig
+from jaxsim.rl.descent import Adam, average, blend, keep_finite
 from jaxsim.rl.distributed import AXIS
-from jaxsim.rl.networks import MLP, ActionRange, Policy, TanhGaussianPolicy
+from jaxsim.rl.networks import MLP, Policy, TanhGaussianPolicy
 from jaxsim.rl.normalize import RunningStatistics
 
 NETWORK = NetworkConfig((128, 128), "relu")
@@ -130,32 +130,26 @@ class Critics(nn.Module):
         return first, second
 
 
-def make(env: Env, config: Config, devices: int) -> Algorithm:
-    """SAC on an environment (with `AutoReset`), on this many devices."""
-    _check(config, devices)
-    sac = SAC(env, config, devices)
-    return Algorithm(
-        config=config,
-        init=sac.init,
-        start=sac.start,
-        epoch=sac.epoch,
-        policy=sac.policy,
-        steps_per_epoch=config.envs * config.unroll,
-    )
+class SAC(Algorithm):
+    """The algorithm on an environment (with `AutoReset`), its part on one of the devices."""
 
+    Config = Config
 
-class SAC:
-    """The algorithm as functions for one device, with its environment, settings and networks."""
-
-    def __init__(self, env: Env, config: Config, devices: int):
-        self.env, self.config = env, config
-        self.scale = ActionRange.of(env)
+    def __init__(self, env: Env, config: Config, devices: int = 1):
+        super().__init__(env, config, devices, config.unroll)
+        self.check_divides("batch", config.batch)
+        self.check_divides("capacity", config.capacity)
+        if config.capacity % self.steps_per_epoch:
+            raise ConfigError(
+                f"capacity must be a multiple of envs * unroll ({self.steps_per_epoch}), "
+                f"got {config.capacity}"
+            )
         self.network = TanhGaussianPolicy(
             env.action_size, config.policy.hidden, config.policy.activation
         )
         self.critics = Critics(config.value.hidden, config.value.activation)
-        self.adam = optax.flatten(optax.adam(config.learning_rate))
-        self.rows = config.envs * config.unroll // devices
+        self.adam = Adam()
+        self.rows = self.steps_per_epoch // devices
         self.capacity = config.capacity // devices
         self.batch = config.batch // devices
 
@@ -186,12 +180,12 @@ class SAC:
         buffer = Transition(
             empty(size), empty(actions), empty(), empty(size), jnp.zeros(self.capacity, bool)
         )
-        return SACActors(start_actors(self.env, keys), buffer)
+        return SACActors(super().start(learner, keys), buffer)
 
     def policy(self, learner: Learner) -> Policy:
         """The present policy."""
-        statistics = learner.obs if self.config.normalize_obs else None
-        return Policy(learner.params["policy"], statistics, self.scale, self.network)
+        params = learner.params["policy"]
+        return Policy(params, self.statistics(learner), self.scale, self.network)
 
     def epoch(self, learner: Learner, actors: SACActors):
         """Collect experience, then learn from the buffer."""
@@ -199,8 +193,7 @@ class SAC:
         key = jax.random.fold_in(key, lax.axis_index(AXIS))
         act_key, fit_key = jax.random.split(key)
         policy = self.policy(learner)
-        steps = learner.epoch * (self.config.envs * self.config.unroll)
-        warm = steps >= self.config.warmup
+        warm = learner.epoch * self.steps_per_epoch >= self.config.warmup
 
         def act(obs, key):
             action = policy.distribution(obs).sample(key)
@@ -212,11 +205,7 @@ class SAC:
         known = jnp.minimum((learner.epoch + 1) * self.rows, self.capacity)
         fitted, losses = self.fit(learner, buffer, known, fit_key)
         learner = jax.tree.map(lambda new, old: jnp.where(warm, new, old), fitted, learner)
-        learner = learner.replace(
-            obs=learner.obs.update(seen.obs.reshape(-1, seen.obs.shape[-1]), AXIS),
-            key=carry,
-            epoch=learner.epoch + 1,
-        )
+        learner = self.end_epoch(learner, seen.obs, carry)
         losses["temperature"] = jnp.exp(learner.params["temperature"])
         return learner, SACActors(envs, buffer), {**episodes.metrics(), **losses}
 
@@ -252,27 +241,21 @@ class SAC:
     def update(self, learner: Learner, batch: Transition, key) -> tuple[Learner, dict[str, Array]]:
         """One gradient step of everything."""
         gradient, losses = jax.grad(self.loss, has_aux=True)(learner.params, learner, batch, key)
-        # One collective for everything, as each of them costs a rendezvous of all devices.
-        flat, unravel = ravel_pytree((gradient, losses))
-        flat = lax.pmean(flat, AXIS)
-        gradient, losses = unravel(flat)
-        step, optimizer = self.adam.update(gradient, learner.optimizer)
-        params: Any = optax.apply_updates(learner.params, step)
-        follow = lambda old, new: old + self.config.follow * (new - old)  # noqa: E731
+        gradient, losses = average((gradient, losses))
+        params, optimizer = self.adam.step(
+            learner.params, learner.optimizer, gradient, self.config.learning_rate
+        )
         updated = learner.replace(
             params=params,
-            target=jax.tree.map(follow, learner.target, params["critics"]),
+            target=blend(learner.target, params["critics"], self.config.follow),
             optimizer=optimizer,
         )
-        # Numbers that are not finite must not reach the parameters, whatever they came from.
-        fine = jnp.isfinite(flat).all()
-        return jax.tree.map(lambda new, old: jnp.where(fine, new, old), updated, learner), losses
+        return keep_finite((gradient, losses), updated, learner), losses
 
     def loss(self, params, learner: Learner, batch: Transition, key):
         """Sum of three losses; `stop_gradient` keeps each to its own parameters."""
         now_key, next_key = jax.random.split(key)
-        normalize = learner.obs.normalize if self.config.normalize_obs else lambda x: x
-        obs, next_obs = normalize(batch.obs), normalize(batch.next_obs)
+        obs, next_obs = (self.normalize(learner, x) for x in (batch.obs, batch.next_obs))
         frozen: Any = lax.stop_gradient(params)
         temperature = jnp.exp(frozen["temperature"])
 
@@ -328,16 +311,3 @@ def soft_target(
     """
     soft_value = next_value - temperature * next_log_prob
     return reward + discount * jnp.where(terminated, 0, soft_value)
-
-
-def _check(config: Config, devices: int) -> None:
-    """Sizes must divide; said before anything is compiled."""
-    for name in ("envs", "batch", "capacity"):
-        value = getattr(config, name)
-        if value % devices:
-            raise ConfigError(f"{name} must be a multiple of the {devices} devices, got {value}")
-    if config.capacity % (config.envs * config.unroll):
-        raise ConfigError(
-            f"capacity must be a multiple of envs * unroll ({config.envs * config.unroll}), "
-            f"got {config.capacity}"
-        )

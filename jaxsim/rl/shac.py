@@ -16,13 +16,20 @@ import jax.numpy as jnp
 import optax
 from flax import struct
 from jax import lax
-from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float
 
 from jaxsim.envs import Env
 from jaxsim.rl.algorithm import Algorithm
-from jaxsim.rl.collect import Actors, Experience, collect, start_actors
-from jaxsim.rl.config import ConfigError, NetworkConfig, TrainConfig
+from jaxsim.rl.collect import Actors, Experience, collect
+from jaxsim.rl.config import NetworkConfig, TrainConfig
+from jaxsim.rl.descent import (
+    Adam,
+    average,
+    blend,
+    check_minibatches,
+    keep_finite,
+    minibatches,
+)
 from jaxsim.rl.differentiable import (
     NO_LIMIT,
     Differentiable,
@@ -32,7 +39,7 @@ from jaxsim.rl.differentiable import (
 )
 from jaxsim.rl.distributed import AXIS
 from jaxsim.rl.gae import advantages
-from jaxsim.rl.networks import ActionRange, Policy, TanhGaussianPolicy, Value
+from jaxsim.rl.networks import Policy, TanhGaussianPolicy, Value
 from jaxsim.rl.normalize import RunningStatistics
 
 NETWORK = NetworkConfig(activation="elu")
@@ -109,39 +116,21 @@ class Learner:
     epoch: Any
 
 
-def make(env: Env, config: Config, devices: int) -> Algorithm:
-    """SHAC on an environment (with `AutoReset`), on this many devices."""
-    _check(config, devices)
-    shac = SHAC(env, config)
-    return Algorithm(
-        config=config,
-        init=shac.init,
-        start=shac.start,
-        epoch=shac.epoch,
-        policy=shac.policy,
-        steps_per_epoch=config.envs * config.horizon,
-    )
+class SHAC(Algorithm):
+    """The algorithm on an environment (with `AutoReset`), its part on one of the devices."""
 
+    Config = Config
 
-class SHAC:
-    """The algorithm as functions for one device, with its environment, settings and networks."""
-
-    def __init__(self, env: Env, config: Config):
-        self.env = Differentiable(cut_episodes(env, config.episode_steps), config.max_step_gradient)
-        self.config = config
-        self.scale = ActionRange.of(env)
+    def __init__(self, env: Env, config: Config, devices: int = 1):
+        env = Differentiable(cut_episodes(env, config.episode_steps), config.max_step_gradient)
+        super().__init__(env, config, devices, config.horizon)
+        samples = config.envs // devices * config.horizon
+        check_minibatches(samples, config.minibatches, "envs * horizon")
         self.network = TanhGaussianPolicy(
             env.action_size, config.policy.hidden, config.policy.activation
         )
         self.value = Value(config.value.hidden, config.value.activation)
-        # Flattened, the update of all parameters is a few vector operations.
-        self.adam = optax.flatten(
-            optax.chain(
-                optax.clip_by_global_norm(config.max_grad_norm),
-                optax.scale_by_adam(config.momentum[0], config.momentum[1]),
-            )
-        )
-        self.epochs = max(1, config.total_steps // (config.envs * config.horizon))
+        self.adam = Adam(config.max_grad_norm, config.momentum)
 
     def init(self, key) -> Learner:
         """Parameters before training."""
@@ -162,12 +151,11 @@ class SHAC:
 
     def start(self, learner: Learner, keys) -> Actors:
         """Reset one environment for each key, and spread the ends of their episodes."""
-        return spread_episodes(start_actors(self.env, keys), keys, self.config.episode_steps)
+        return spread_episodes(super().start(learner, keys), keys, self.config.episode_steps)
 
     def policy(self, learner: Learner) -> Policy:
         """The present policy."""
-        statistics = learner.obs if self.config.normalize_obs else None
-        return Policy(learner.policy, statistics, self.scale, self.network)
+        return Policy(learner.policy, self.statistics(learner), self.scale, self.network)
 
     def epoch(self, learner: Learner, actors: Actors):
         """Improve the policy by a rollout, then the critic by what was seen in it."""
@@ -177,18 +165,13 @@ class SHAC:
         gradient, (actors, seen, episodes, objective) = jax.grad(self.loss, has_aux=True)(
             learner.policy, learner, actors, act_key
         )
-        gradient, objective = _average((gradient, objective))
+        gradient, objective = average((gradient, objective))
         norm = optax.tree.norm(gradient)
-        rate = jnp.clip(1 - learner.epoch / self.epochs, 0.0, 1.0)
+        rate = self.remaining(learner)
         learner = self.improve(learner, gradient, rate * self.config.policy_rate)
         learner, value_loss = self.fit(learner, seen, shuffle_key, rate * self.config.value_rate)
-        learner = learner.replace(
-            # From the next epoch on: within an epoch the policy must see one normalisation.
-            obs=learner.obs.update(seen.obs.reshape(-1, seen.obs.shape[-1]), AXIS),
-            target=_blend(learner.target, learner.value, self.config.follow),
-            key=carry,
-            epoch=learner.epoch + 1,
-        )
+        target = blend(learner.target, learner.value, self.config.follow)
+        learner = self.end_epoch(learner.replace(target=target), seen.obs, carry)
         losses = {"objective": objective, "policy_gradient": norm, "value_loss": value_loss}
         return learner, actors, {**episodes.metrics(), **losses}
 
@@ -220,17 +203,11 @@ class SHAC:
         values: Any = self.value.apply(learner.target, self.normalize(learner, obs))
         return values
 
-    def normalize(self, learner: Learner, obs: Float[Array, "*batch n"]):
-        """Observations as the networks see them."""
-        return learner.obs.normalize(obs) if self.config.normalize_obs else obs
-
     def improve(self, learner: Learner, gradient, rate) -> Learner:
         """One step of the policy."""
-        step, optimizer = self.adam.update(gradient, learner.policy_optimizer)
-        improved = learner.replace(
-            policy=_descend(learner.policy, step, rate), policy_optimizer=optimizer
-        )
-        return _if_finite(gradient, improved, learner)
+        params, optimizer = self.adam.step(learner.policy, learner.policy_optimizer, gradient, rate)
+        improved = learner.replace(policy=params, policy_optimizer=optimizer)
+        return keep_finite(gradient, improved, learner)
 
     def fit(self, learner: Learner, seen: Experience, key, rate):
         """All gradient steps of the critic in an epoch; also returns their mean error."""
@@ -239,20 +216,18 @@ class SHAC:
             lambda x: x.reshape(-1, *x.shape[2:]), (obs, self.targets(learner, seen))
         )
         count = data[1].shape[0]
-        keys = jax.random.split(key, self.config.passes)
-        order = jax.vmap(lambda k: jnp.argsort(jax.random.bits(k, (count,))))(keys)
-        order = order.reshape(self.config.passes * self.config.minibatches, -1)
+        order = minibatches(key, count, self.config.passes, self.config.minibatches)
 
         def body(learner, rows):
             obs, target = jax.tree.map(lambda x: x[rows], data)
-            loss, gradient = _average(
+            loss, gradient = average(
                 jax.value_and_grad(self.value_loss)(learner.value, obs, target)
             )
-            step, optimizer = self.adam.update(gradient, learner.value_optimizer)
-            fitted = learner.replace(
-                value=_descend(learner.value, step, rate), value_optimizer=optimizer
+            params, optimizer = self.adam.step(
+                learner.value, learner.value_optimizer, gradient, rate
             )
-            return _if_finite((loss, gradient), fitted, learner), loss
+            fitted = learner.replace(value=params, value_optimizer=optimizer)
+            return keep_finite((loss, gradient), fitted, learner), loss
 
         learner, losses = lax.scan(body, learner, order)
         return learner, jnp.nanmean(losses)
@@ -301,37 +276,3 @@ def horizon_objective(
     bootstrap = (truncated | last) & ~terminated
     weight = discounts(terminated | truncated, discount).astype(reward.dtype)
     return jnp.sum(weight * (reward + discount * jnp.where(bootstrap, next_value, 0)))
-
-
-def _average(tree):
-    """Mean over all devices; one collective, as each of them costs a rendezvous."""
-    flat, unravel = ravel_pytree(tree)
-    return unravel(lax.pmean(flat, AXIS))
-
-
-def _descend(params, step, rate):
-    return jax.tree.map(lambda p, s: p - (rate * s).astype(p.dtype), params, step)
-
-
-def _if_finite(watched, new, old):
-    """The new values, unless one of the watched numbers is not finite."""
-    fine = jnp.isfinite(ravel_pytree(watched)[0]).all()
-    return jax.tree.map(lambda a, b: jnp.where(fine, a, b), new, old)
-
-
-def _blend(old, new, part: float):
-    return jax.tree.map(lambda a, b: a + part * (b - a), old, new)
-
-
-def _check(config: Config, devices: int) -> None:
-    """Sizes must divide; said before anything is compiled."""
-    if config.envs % devices:
-        raise ConfigError(f"envs must be a multiple of the {devices} devices, got {config.envs}")
-    samples = config.envs // devices * config.horizon
-    if samples % config.minibatches:
-        raise ConfigError(
-            f"envs * horizon on each device ({samples}) must be a multiple of minibatches "
-            f"({config.minibatches})"
-        )
-    if len(config.momentum) != 2:
-        raise ConfigError(f"momentum must be two numbers, got {config.momentum}")

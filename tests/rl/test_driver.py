@@ -130,7 +130,7 @@ def test_settings_may_be_a_file_or_a_record(tiny, tmp_path):
     settings = driver.resolve("fast", "ppo", path, ["passes=3"])
     assert (settings.envs, settings.unroll, settings.passes) == (16, 4, 3)
     assert driver.resolve("fast", "ppo", settings) == settings
-    assert driver.resolve("inverted_pendulum", "ppo") != driver.module("ppo").Config()
+    assert driver.resolve("inverted_pendulum", "ppo") != driver.algorithm_class("ppo").Config()
     assert dataclasses.is_dataclass(settings)
 
 

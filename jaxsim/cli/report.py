@@ -1,0 +1,23 @@
+"""What commands write to the terminal: reports on standard output, notes on standard error."""
+
+from collections.abc import Mapping
+
+import rich
+import rich.console
+import rich.table
+import rich.text
+
+
+def report(rows: Mapping[str, str]) -> None:
+    """Print a table of two columns; the text is taken as it is, without markup."""
+    table = rich.table.Table(show_header=False, box=None)
+    table.add_column(style="bold", no_wrap=True)
+    table.add_column()
+    for name, value in rows.items():
+        table.add_row(name, rich.text.Text(value))
+    rich.print(table)
+
+
+def note(text: str) -> None:
+    """Print a sentence for the user; brackets stand for themselves."""
+    rich.console.Console(stderr=True, soft_wrap=True).print(text, markup=False)
