@@ -11,6 +11,7 @@ import importlib
 
 from jaxsim.batch import batch_rollout, vmap
 from jaxsim.check import check
+from jaxsim.checkpoint import checkpoint
 from jaxsim.dynamics.aba import forward_dynamics
 from jaxsim.dynamics.crba import mass_matrix
 from jaxsim.dynamics.rnea import inverse_dynamics
@@ -35,6 +36,7 @@ __all__ = [
     "State",
     "batch_rollout",
     "check",
+    "checkpoint",
     "forward",
     "forward_dynamics",
     "inverse",

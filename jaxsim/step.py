@@ -5,6 +5,7 @@ from flax import struct
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxsim.checkpoint import checkpoint
 from jaxsim.collision import Contact
 from jaxsim.constraint import constrained_at
 from jaxsim.dynamics.crba import composite_mass_matrix
@@ -207,7 +208,7 @@ def rollout(model: Model, state: State, ctrls: Float[Array, "T nu"]) -> tuple[St
         raise ValueError(f"ctrls must have shape (steps, {model.nu}), got {jnp.shape(ctrls)}")
 
     def body(state, ctrl):
-        state = step(model, state, ctrl)
+        state = checkpoint(step)(model, state, ctrl)
         return state, state
 
     return lax.scan(body, state, ctrls)

@@ -95,7 +95,7 @@ def constrained_acceleration(
             warmstart=not model.opt.disabled(_WARMSTART_OFF),
             y_smooth=y_smooth,
         )
-        y, status = attach_lifted(found.y, problem, operator, smooth), found.status
+        y, status = attach_lifted(found.x, problem, operator, smooth), found.status
     return _outcome(scene, contact, blocks, operator, y, status)
 
 

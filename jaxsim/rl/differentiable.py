@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from flax import struct
 from jaxtyping import Array, Bool, Float
 
+from jaxsim.checkpoint import checkpoint
 from jaxsim.envs import EnvState, TimeLimit, Wrapper, extended
 from jaxsim.rl.collect import Actors
 
@@ -35,7 +36,7 @@ class Differentiable(Wrapper):
     def step(self, state: EnvState, action: Float[Array, "nu"]) -> EnvState:
         """Act for one step."""
         state, action = limit_gradient((state, action), self.limit)
-        return jax.checkpoint(self.env.step)(state, action)
+        return checkpoint(self.env.step)(state, action)
 
 
 def limit_gradient(tree, limit: float = NO_LIMIT):

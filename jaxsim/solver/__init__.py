@@ -3,7 +3,7 @@
 from jaxsim.solver.dense import DenseOperator
 from jaxsim.solver.elliptic_cone import EllipticCone
 from jaxsim.solver.huber import Huber
-from jaxsim.solver.implicit import attach, attach_lifted
+from jaxsim.solver.implicit import SOLUTION, attach, attach_lifted
 from jaxsim.solver.newton import Solution, SolverStatus, solve
 from jaxsim.solver.operator import Operator
 from jaxsim.solver.pcg import hessian_product, pcg, pcg_solve
@@ -12,6 +12,7 @@ from jaxsim.solver.quadratic import Quadratic
 from jaxsim.solver.unilateral import Unilateral
 
 __all__ = [
+    "SOLUTION",
     "DenseOperator",
     "EllipticCone",
     "Huber",

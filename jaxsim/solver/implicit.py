@@ -10,36 +10,43 @@ differentiates, and is exact as far as the loop converged: look at `SolverStatus
 """
 
 import jax
+from jax.ad_checkpoint import checkpoint_name
 from jaxtyping import Array, Float
 
 from jaxsim.solver.operator import Lifted, Operator
 from jaxsim.solver.problem import Problem
 
+# The name of minimisers, for policies of `jax.checkpoint` that say what to keep.
+SOLUTION = "jaxsim_solution"
+
 
 def attach(
     x: Float[Array, "nv"], problem: Problem, operator: Operator, x_smooth: Float[Array, "nv"]
 ) -> Float[Array, "nv"]:
-    """`attach_lifted` for a point that is not lifted."""
-    return operator.vector(attach_lifted(operator.lift(x), problem, operator, x_smooth))
+    """`attach_lifted` without what the lift adds."""
+    return operator.vector(attach_lifted(x, problem, operator, x_smooth))
 
 
 def attach_lifted(
-    y: Lifted, problem: Problem, operator: Operator, x_smooth: Float[Array, "nv"]
+    x: Float[Array, "nv"], problem: Problem, operator: Operator, x_smooth: Float[Array, "nv"]
 ) -> Lifted:
-    """Returns the lifted minimiser unchanged, with its derivatives.
+    """Returns the minimiser unchanged, lifted, with its derivatives.
 
     Forward and reverse mode, `vmap` and `jit` apply, and so do second derivatives away from the
-    boundaries of the cost's zones. Nothing flows back into how x was found.
+    boundaries of the cost's zones. Nothing flows back into how x was found, and nothing but x is
+    needed of it: a backward pass that recomputes what it needs does not solve again where x was
+    kept, see `SOLUTION`.
 
     Args:
-        y: The minimiser, lifted.
+        x: The minimiser.
         problem: The blocks of constraint rows.
         operator: Mass matrix and Jacobian.
         x_smooth: The minimiser without constraints.
 
     Returns:
-        y as a function of problem, operator and x_smooth.
+        The lifted x as a function of problem, operator and x_smooth.
     """
+    y = operator.lift(checkpoint_name(jax.lax.stop_gradient(x), SOLUTION))
     return _attached(jax.lax.stop_gradient(y), (problem, operator, x_smooth))
 
 

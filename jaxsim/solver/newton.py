@@ -45,12 +45,10 @@ class Solution:
 
     Attributes:
         x: The point.
-        y: The same point, lifted by the operator.
         status: How the solve went.
     """
 
     x: Float[Array, "nv"]
-    y: Lifted
     status: SolverStatus
 
 
@@ -124,7 +122,7 @@ def solve(
         cost=_cost(search, state.y),
         finite=state.finite,
     )
-    return Solution(x=operator.vector(state.y), y=state.y, status=status)
+    return Solution(x=operator.vector(state.y), status=status)
 
 
 def _run(search: _Search, state: _Iterate, iterations: int) -> _Iterate:
