@@ -5,6 +5,8 @@ the others stay as they were traced. An equation without batched operands is eva
 written, one with a rule by its rule, and any other by `jax.vmap` of its primitive.
 """
 
+import collections
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -13,8 +15,20 @@ from jax import lax
 from jax.extend import core as jex
 
 from jaxsim.batch import control, custom, flow, params, rules
+from jaxsim.batch.pieces import Pieces
 
 RULES: dict[str, Callable] = {**rules.RULES, **control.RULES, **custom.RULES}
+
+
+def whole(value):
+    """An array, also where the sum of its parts was put off."""
+    return value.assemble() if isinstance(value, Pieces) else value
+
+
+def _atoms(jaxpr):
+    """All operands of a program's equations, and its results."""
+    yield from itertools.chain.from_iterable(eqn.invars for eqn in jaxpr.eqns)
+    yield from jaxpr.outvars
 
 
 @dataclass(frozen=True)
@@ -41,14 +55,20 @@ class Lanes:
         def look_up(atom):
             return (atom.val, False) if isinstance(atom, jex.Literal) else env[atom]
 
+        uses = collections.Counter(v for v in _atoms(jaxpr) if isinstance(v, jex.Var))
         for eqn in jaxpr.eqns:
             operands = [look_up(v) for v in eqn.invars]
             xs, on = [v for v, _ in operands], [f for _, f in operands]
+            if eqn.primitive.name != "add_any":
+                xs = [whole(x) for x in xs]
             out = flow.equation_flags(eqn, on)
-            results = self._equation(eqn, xs, on)
+            results = [
+                x if uses[v] == 1 else whole(x)
+                for v, x in zip(eqn.outvars, self._equation(eqn, xs, on), strict=True)
+            ]
             env.update(zip(eqn.outvars, zip(results, out, strict=True), strict=True))
         results = [look_up(v) for v in jaxpr.outvars]
-        return [v for v, _ in results], [f for _, f in results]
+        return [whole(v) for v, _ in results], [f for _, f in results]
 
     def evaluate_as(self, program, values, flags, wanted: Sequence[bool]) -> list:
         """The results, where those in `wanted` get a lane axis in any case."""

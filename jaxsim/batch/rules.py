@@ -12,10 +12,13 @@ from collections.abc import Callable, Sequence
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 from jax.experimental.xla_metadata import set_xla_metadata
+from jax.extend import core as jex
 
 from jaxsim.batch import contract, index, linalg
+from jaxsim.batch.pieces import Pieces
 
 MAX_SUM = 512  # terms of a sum that is written out, for one lane
 SUM_PARTS = 8  # parts that are added in one expression
@@ -49,8 +52,11 @@ def fill(value, flag: bool, shape: Sequence[int]):
 
 
 def add_any(lanes, eqn, values, flags):
-    """The sum of cotangents takes no scalars for arrays."""
+    """The sum of cotangents takes no scalars for arrays, but arrays that are not yet whole."""
     shape = (*eqn.outvars[0].aval.shape, lanes.size)
+    for x, y in itertools.permutations(zip(values, flags, strict=True)):
+        if isinstance(x[0], Pieces):
+            return [x[0].plus(y[0] if isinstance(y[0], Pieces) else fill(*y, shape))]
     return bind(eqn, *(fill(v, f, shape) for v, f in zip(values, flags, strict=True)))
 
 
@@ -65,6 +71,8 @@ def reduce_sum(lanes, eqn, values, flags):
     """Short sums are written out: a reduction of leading axes would not be vectorised."""
     axes = tuple(eqn.params["axes"])
     terms = math.prod(values[0].shape[a] for a in axes)
+    if terms == 1:
+        return [lax.squeeze(values[0], axes)]
     if not 0 < terms <= MAX_SUM or not jnp.issubdtype(values[0].dtype, jnp.floating):
         return same_axes(lanes, eqn, values, flags)
     return [_sum(values[0], axes)]
@@ -165,14 +173,21 @@ def slice_(lanes, eqn, values, flags):
 
 
 def pad(lanes, eqn, values, flags):
-    """With a padding value for each lane: pad with zeros, then select."""
+    """Zeros are added when it is known to what; with a value for each lane, select it."""
     x = lanes.materialise(values[0], flags[0])
     config = (*eqn.params["padding_config"], (0, 0, 0))
+    if _is_zero(eqn.invars[1]) and all(p >= 0 and q >= 0 and r == 0 for p, q, r in config):
+        shape = (*eqn.outvars[0].aval.shape, lanes.size)
+        return [Pieces(shape, ((tuple(p for p, _, _ in config), x),))]
     if not flags[1]:
         return [lax.pad(x, values[1], config)]
     inside = lax.pad(jnp.ones(x.shape, bool), False, config)
     x = lax.pad(x, jnp.zeros((), x.dtype), config)
     return [lax.select(inside, x, fill(values[1], True, x.shape))]
+
+
+def _is_zero(atom) -> bool:
+    return isinstance(atom, jex.Literal) and np.ndim(atom.val) == 0 and atom.val == 0
 
 
 def bind(eqn, *values) -> list:
