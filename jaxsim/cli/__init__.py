@@ -147,7 +147,7 @@ def _add_train(commands) -> None:
     train = _add(commands, "train", "train a policy", _TRAIN, _TRAIN_EXAMPLES)
     option = train.add_argument
     option("env", metavar="ENV", help="name of an environment; `jaxsim envs` lists them")
-    option("--algorithm", default="ppo", help="ppo (default), sac, apg or shac")
+    option("--algorithm", default="ppo", help="ppo (default), sac, apg, shac or module:Class")
     option("--config", metavar="FILE", help="YAML file of settings instead of the tuned ones")
     option(
         "--set",

@@ -52,7 +52,7 @@ class Result:
 
 def train(
     env: str | envs.Env,
-    algorithm: str = "ppo",
+    algorithm: str | type[Algorithm] = "ppo",
     settings: Any = None,
     *,
     overrides: Sequence[str] = (),
@@ -69,7 +69,7 @@ def train(
 
     Args:
       env: name of an environment, or an environment (without `AutoReset`).
-      algorithm: "ppo", "sac", "apg" or "shac".
+      algorithm: "ppo", "sac", "apg" or "shac", or a subclass of `Algorithm`.
       settings: a `Config` of the algorithm, a mapping or a YAML file with some of its fields; by
         default the tuned settings that come with jaxsim, where there are any.
       overrides: assignments such as `policy.hidden=[128,128]` on top of them.
@@ -91,12 +91,15 @@ def train(
 
 
 def resolve(
-    env: str | envs.Env, algorithm: str, settings: Any = None, overrides: Sequence[str] = ()
+    env: str | envs.Env,
+    algorithm: str | type[Algorithm],
+    settings: Any = None,
+    overrides: Sequence[str] = (),
 ) -> config.TrainConfig:
     """The settings of a training; arguments and errors as for `train`."""
     cls = algorithm_class(algorithm).Config
     if settings is None:
-        settings = config.find(algorithm, env) if isinstance(env, str) else None
+        settings = config.find(algorithm_name(algorithm), env) if isinstance(env, str) else None
         settings = {} if settings is None else settings
     if isinstance(settings, str | pathlib.Path):
         settings = config.read(pathlib.Path(settings))
@@ -104,8 +107,8 @@ def resolve(
         settings = config.build(cls, settings)
     if not isinstance(settings, cls):
         raise config.ConfigError(
-            f"settings of {algorithm} must be a mapping, a file or a {cls.__module__}.Config, "
-            f"got {settings!r}"
+            f"settings of {algorithm_name(algorithm)} must be a mapping, a file or a "
+            f"{cls.__module__}.Config, got {settings!r}"
         )
     return config.override(settings, overrides)
 
@@ -149,15 +152,33 @@ def run_env(run: Mapping[str, Any]) -> envs.Env:
     return make_env(run["env"], settings)
 
 
-def algorithm_class(name: str) -> type[Any]:
+def algorithm_class(algorithm: str | type[Algorithm]) -> type[Any]:
     """The class of an algorithm; `(env, config, devices)` makes an `Algorithm`.
+
+    Args:
+      algorithm: one of `ALGORITHMS`, a class, or "module:Class".
 
     Raises:
       ConfigError: there is no such algorithm.
     """
-    if name not in ALGORITHMS:
-        raise config.ConfigError(config.unknown("algorithm", name, name, ALGORITHMS))
-    return getattr(importlib.import_module(f"jaxsim.rl.{name}"), name.upper())
+    if isinstance(algorithm, type):
+        return algorithm
+    if algorithm in ALGORITHMS:
+        return getattr(importlib.import_module(f"jaxsim.rl.{algorithm}"), algorithm.upper())
+    place, colon, name = algorithm.partition(":")
+    if not colon:
+        raise config.ConfigError(config.unknown("algorithm", algorithm, algorithm, ALGORITHMS))
+    try:
+        return getattr(importlib.import_module(place), name)
+    except (ImportError, AttributeError) as error:
+        raise config.ConfigError(f"cannot import algorithm {algorithm!r}: {error}") from error
+
+
+def algorithm_name(algorithm: str | type[Algorithm]) -> str:
+    """What `algorithm_class` finds it by, from another process too."""
+    if isinstance(algorithm, str):
+        return algorithm
+    return f"{algorithm.__module__}:{algorithm.__qualname__}"
 
 
 def make_env(env: str | envs.Env, settings: config.TrainConfig) -> envs.Env:
@@ -177,13 +198,14 @@ def make_env(env: str | envs.Env, settings: config.TrainConfig) -> envs.Env:
 class _Run:
     """One training: what it is about, how far it is, and where its results go."""
 
-    def __init__(self, env, name: str, settings: config.TrainConfig, seed: int, mesh: Mesh | None):
+    def __init__(self, env, algorithm, settings: config.TrainConfig, seed: int, mesh: Mesh | None):
         self.started = time.perf_counter()
         self.mesh = distributed.device_mesh() if mesh is None else mesh
         self.settings, self.seed = settings, seed
+        name = algorithm_name(algorithm)
         self.title = f"{name} on {env if isinstance(env, str) else type(env.unwrapped).__name__}"
         self.env = make_env(env, settings)
-        self.algorithm: Algorithm = algorithm_class(name)(
+        self.algorithm: Algorithm = algorithm_class(algorithm)(
             envs.AutoReset(self.env), settings, self.mesh.size
         )
         self.record = {

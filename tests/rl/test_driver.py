@@ -13,9 +13,10 @@ from flax import struct
 
 from jaxsim import envs
 from jaxsim.envs import Wrapper
-from jaxsim.rl import driver, metrics, train
+from jaxsim.rl import config, driver, metrics, train
 from jaxsim.rl.checkpoint import CheckpointError
 from jaxsim.rl.driver import load_policy
+from jaxsim.rl.ppo import PPO
 
 
 @pytest.fixture(scope="module")
@@ -122,6 +123,39 @@ def test_devices_learn_the_same(whole):
         np.testing.assert_array_equal(one, two)
     lengths = training.actors.envs.episode_length
     assert [s.data.shape for s in lengths.addressable_shards] == [(4,), (4,)]
+
+
+class Patient(PPO):
+    """An algorithm of somebody's own."""
+
+    @dataclasses.dataclass(frozen=True)
+    class Config(PPO.Config):
+        """Settings with other defaults."""
+
+        learning_rate: float = 1e-5
+
+
+def test_an_algorithm_of_ones_own(tiny, tmp_path):
+    result = train("fast", Patient, settings=tiny, directory=tmp_path / "run")
+    name = driver.algorithm_name(Patient)
+    assert driver.algorithm_class(name) is Patient
+    assert driver.resolve("fast", name).learning_rate == 1e-5
+    restored = driver.load_policy(tmp_path / "run")
+    obs = jnp.ones(result.policy.statistics.mean.shape)
+    np.testing.assert_array_equal(restored(obs), result.policy(obs))
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("pop", "did you mean ppo"),
+        ("no_such_module:A", "cannot import algorithm 'no_such_module:A'"),
+        ("jaxsim.rl.ppo:POP", "cannot import algorithm"),
+    ],
+)
+def test_no_such_algorithm(name, message):
+    with pytest.raises(config.ConfigError, match=message):
+        train("fast", name)
 
 
 def test_settings_may_be_a_file_or_a_record(tiny, tmp_path):
