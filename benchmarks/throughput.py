@@ -75,7 +75,7 @@ def _options(arguments) -> argparse.Namespace:
     parser = common.parser(__doc__, repetitions=5)
     fast = [name for name in models.MODELS if name not in ("gymnasium_humanoid", "five_humanoids")]
     parser.add_argument("--models", nargs="*", default=fast, choices=models.MODELS)
-    parser.add_argument("--peers", nargs="*", default=["jaxsim", "mujoco"], choices=PEERS)
+    parser.add_argument("--peers", type=_peers, default=["mujoco"], help="mujoco,mjx (mujoco)")
     parser.add_argument("--batch", type=int, default=1024, help="environments")
     parser.add_argument("--mjx-batch", type=int, default=128, help="environments for MJX")
     parser.add_argument("--steps", type=int, default=50, help="steps of a rollout")
@@ -90,6 +90,15 @@ def _options(arguments) -> argparse.Namespace:
     return parser.parse_args(arguments)
 
 
+def _peers(text: str) -> list[str]:
+    """Names separated by commas."""
+    names = [name for name in text.split(",") if name]
+    for name in names:
+        if name not in PEERS[1:]:
+            raise argparse.ArgumentTypeError(f"{name!r} is none of {', '.join(PEERS[1:])}")
+    return names
+
+
 def _model_rows(name: str, options) -> list[dict]:
     """One row for each peer; a row that says why where one has no result."""
     try:
@@ -101,7 +110,7 @@ def _model_rows(name: str, options) -> list[dict]:
     states = models.visited(mj, options.states)
     build = {"jaxsim": _jaxsim, "mujoco": _mujoco, "mjx": _mjx}
     found, rows = {}, []
-    for peer in options.peers:
+    for peer in ["jaxsim", *options.peers]:
         try:
             found[peer] = build[peer](mj, states, options)
         except (NotImplementedError, ValueError) as error:

@@ -82,6 +82,27 @@ def test_solver_compares_strategies(tmp_path):
 
 
 @pytest.mark.slow
+def test_gradients_are_accurate(tmp_path):
+    sizes = ("--batch", 4, "--steps", 3, "--states", 4, "--repetitions", 2)
+    run("gradients.py", "--models", "double_pendulum", *sizes, "--out", tmp_path)
+    (row,) = json.loads((tmp_path / "gradients.json").read_text())["rows"]
+    assert row["error"] < 1e-3
+    assert row["float64 to differences"] < 1e-5
+    assert row["forwards"] > 1
+    assert row["bytes"] > 0
+
+
+@pytest.mark.slow
+def test_scaling_over_batches_and_devices(tmp_path):
+    sizes = ("--batch", 4, 8, "--steps", 2, "--repetitions", 1, "--devices", 1, 2)
+    run("scaling.py", "--model", "double_pendulum", *sizes, "--out", tmp_path)
+    rows = json.loads((tmp_path / "scaling.json").read_text())["rows"]
+    assert [(row["devices"], row["batch"]) for row in rows] == [(1, 4), (1, 8), (2, 4), (2, 8)]
+    assert all(0 < row["of best"] <= 1 for row in rows)
+    assert all(row["efficiency"] > 0 for row in rows)
+
+
+@pytest.mark.slow
 def test_throughput_of_all_cores(tmp_path):
     sizes = ("--batch", 4, "--steps", 2, "--states", 4, "--repetitions", 2)
     run("throughput.py", "--models", "double_pendulum", *sizes, "--json", tmp_path / "out.json")
