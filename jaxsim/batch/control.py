@@ -1,5 +1,6 @@
 """Loops, branches and nested calls, lanes last: the body is evaluated, its structure is kept."""
 
+import dataclasses
 import functools
 
 import jax
@@ -8,6 +9,9 @@ from jax import lax
 
 from jaxsim.batch import flow, params
 
+# When only a quarter of the lanes wants to, a long loop goes on with those alone.
+FEW, MIN_FEW = 4, 16  # the part, and fewer lanes than are worth it
+LONG = 300  # equations of a body that repays the change
 INLINE = 16  # a jitted function of fewer equations becomes part of its caller
 
 
@@ -51,34 +55,115 @@ def scan(lanes, eqn, values, flags):
 
 
 def while_(lanes, eqn, values, flags):
-    """Runs while any lane wants to; a lane that does not keeps its values."""
+    """Runs while any lane wants to; a lane that does not keeps its values.
+
+    When few lanes are left they are gathered, so that the rest of the loop costs what they cost.
+    """
     form = params.read(eqn)
     if form is None:
         return None
-    first, last = form.num_cond_consts, form.num_cond_consts + form.num_body_consts
+    first = form.num_cond_consts + form.num_body_consts
     carry_flags, frozen = flow.while_flags(form, list(flags))
-    carry = _raise(lanes, values[last:], flags[last:], carry_flags)
-
-    def wants(carry):
-        operands = [*values[:first], *carry]
-        return lanes.evaluate(form.cond, operands, [*flags[:first], *carry_flags])[0][0]
-
-    def body(carry):
-        operands, on = [*values[first:last], *carry], [*flags[first:last], *carry_flags]
-        return lanes.evaluate_as(form.body, operands, on, carry_flags)
-
+    consts = list(values[:first])
+    carry = _raise(lanes, values[first:], flags[first:], carry_flags)
+    loop = _Loop(form, list(flags[:first]), carry_flags)
     if not frozen:
-        return lax.while_loop(wants, body, carry)
+        return loop.run_together(lanes, consts, carry)
+    few = lanes.size // FEW
+    if few < MIN_FEW or _length(form.body.jaxpr) < LONG:
+        return loop.run(lanes, consts, carry, 0)[1]
+    active, carry = loop.run(lanes, consts, carry, few)
+    return lax.cond(
+        jnp.any(active),
+        functools.partial(_go_on, lanes, loop, few),
+        lambda active, _, carry: carry,
+        active,
+        consts,
+        carry,
+    )
 
-    def step(state):
-        active, carry = state
-        new = [
-            _select(active, [old, n]) if on else n
-            for n, old, on in zip(body(carry), carry, carry_flags, strict=True)
+
+@dataclasses.dataclass(frozen=True)
+class _Loop:
+    """A `while` for any number of lanes.
+
+    Attributes:
+      form: the equation.
+      const_flags: which constants are batched, those of the condition first.
+      carry_flags: which carried values are batched.
+    """
+
+    form: params.While
+    const_flags: flow.Flags
+    carry_flags: flow.Flags
+
+    def wants(self, lanes, consts, carry):
+        """Whether to go on, for all lanes together or for each."""
+        count = self.form.num_cond_consts
+        flags = [*self.const_flags[:count], *self.carry_flags]
+        return lanes.evaluate(self.form.cond, [*consts[:count], *carry], flags)[0][0]
+
+    def body(self, lanes, consts, carry):
+        """One turn of every lane."""
+        count = self.form.num_cond_consts
+        flags = [*self.const_flags[count:], *self.carry_flags]
+        return lanes.evaluate_as(self.form.body, [*consts[count:], *carry], flags, self.carry_flags)
+
+    def run_together(self, lanes, consts, carry) -> list:
+        """All lanes stop at the same time."""
+        return lax.while_loop(
+            lambda c: self.wants(lanes, consts, c), lambda c: self.body(lanes, consts, c), carry
+        )
+
+    def run(self, lanes, consts, carry, until: int):
+        """Until at most so many lanes want to go on; also returns which these are."""
+
+        def step(state):
+            active, carry = state
+            new = [
+                _select(active, [old, n]) if on else n
+                for n, old, on in zip(
+                    self.body(lanes, consts, carry), carry, self.carry_flags, strict=True
+                )
+            ]
+            return self.wants(lanes, consts, new), new
+
+        start = self.wants(lanes, consts, carry), carry
+        if until == 0:
+            return lax.while_loop(lambda state: jnp.any(state[0]), step, start)
+        return lax.while_loop(lambda state: jnp.sum(state[0]) > until, step, start)
+
+
+def _go_on(lanes, loop: _Loop, few: int, active, consts, carry) -> list:
+    """The rest of a loop in which at most `few` lanes are active, with only so many lanes."""
+    order = jnp.argsort(~active)  # stable: the active ones first
+    chosen = order[:few]
+
+    def take(values, flags):
+        return [
+            jnp.take(v, chosen, axis=-1, mode="clip", unique_indices=True) if on else v
+            for v, on in zip(values, flags, strict=True)
         ]
-        return wants(new), new
 
-    return lax.while_loop(lambda state: jnp.any(state[0]), step, (wants(carry), carry))[1]
+    fewer = dataclasses.replace(lanes, size=few)
+    _, new = loop.run(fewer, take(consts, loop.const_flags), take(carry, loop.carry_flags), 0)
+    place = jnp.argsort(order)
+    inside = place < few
+    return [
+        _select(inside, [old, jnp.take(n, place, axis=-1, mode="clip")]) if on else n
+        for n, old, on in zip(new, carry, loop.carry_flags, strict=True)
+    ]
+
+
+def _length(jaxpr) -> int:
+    """Equations of a program and all that it calls."""
+    count = len(jaxpr.eqns)
+    for eqn in jaxpr.eqns:
+        for value in eqn.params.values():
+            for part in value if isinstance(value, tuple | list) else (value,):
+                inner = getattr(part, "jaxpr", part)
+                count += _length(inner) if hasattr(inner, "eqns") else 0
+    return count
 
 
 def cond(lanes, eqn, values, flags):

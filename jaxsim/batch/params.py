@@ -91,9 +91,10 @@ def _scan(p):
 
 
 def _while(p):
-    return While(
-        program(p["cond_jaxpr"]), program(p["body_jaxpr"]), p["cond_nconsts"], p["body_nconsts"]
-    )
+    cond = program(p["cond_jaxpr"])
+    if cond.jaxpr.outvars[0].aval.shape:  # the loop of a `jax.vmap`, which stops element by element
+        return None
+    return While(cond, program(p["body_jaxpr"]), p["cond_nconsts"], p["body_nconsts"])
 
 
 def _cond(p):

@@ -7,7 +7,7 @@ import pytest
 from jax import lax
 from vmap_compare import assert_same
 
-from jaxsim.batch import params, vmap
+from jaxsim.batch import control, params, vmap
 
 pytestmark = pytest.mark.usefixtures("x64")
 RNG = np.random.default_rng(2)
@@ -80,6 +80,43 @@ def test_frozen_lanes_see_no_overflow():
         return lax.while_loop(lambda v: v < x, lambda v: v + 1 / (x - jnp.floor(v)), -x)
 
     assert_same(f, jnp.array([0.5, 3.5, 2.0]), derivatives=())
+
+
+@pytest.fixture
+def every_loop_narrows(monkeypatch):
+    """Short loops over few lanes go on with a quarter of them, too."""
+    monkeypatch.setattr(control, "LONG", 0)
+    monkeypatch.setattr(control, "MIN_FEW", 1)
+
+
+@pytest.mark.parametrize("late", [0, 1, 4, 7, 16])
+def test_while_goes_on_with_the_lanes_that_are_left(every_loop_narrows, late):
+    """None, some, a quarter, more than a quarter or all lanes take longer than the others."""
+
+    def f(x, bound, table):
+        def turn(state):
+            count, x, words = state
+            inner = lax.while_loop(lambda y: y < 3.0, lambda y: y + x + 0.1, x)
+            return count + 1, x * 0.9 + table[0] * inner, words.at[count % 2].add(x)
+
+        return lax.while_loop(lambda s: s[0] < bound, turn, (0, x, jnp.zeros(2)))
+
+    bounds = np.full(16, 2)
+    bounds[RNG.permutation(16)[:late]] = 2 + RNG.integers(1, 9, late)
+    x = RNG.uniform(0, 1, 16)
+    only = {"derivatives": ("jvp",)}
+    assert_same(f, x, bounds, jnp.array([0.01, 5.0]), in_axes=(0, 0, None), **only)
+    assert_same(lambda x, b: f(x, b, jnp.array([x, x])), x, bounds, **only)
+
+
+def test_narrowed_loops_nest_and_have_tangents(every_loop_narrows):
+    def f(x, bound):
+        turn = lambda s: (s[0] + 1, jnp.sin(s[1]) + s[0])  # noqa: E731
+        return lax.while_loop(lambda s: s[0] < bound, turn, (0, x))[1]
+
+    x, bounds = RNG.uniform(0, 1, (4, 8)), RNG.integers(0, 9, (4, 8))
+    assert_same(vmap(f), x, bounds, derivatives=("jvp",))
+    assert_same(jax.vmap(f), x, bounds, derivatives=("jvp",))
 
 
 def test_while_with_shared_condition():
