@@ -11,14 +11,10 @@ from jax import lax
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array, Float
 
+from jaxsim.batch.chunks import chunk_lanes, compiler_options, map_chunks
 from jaxsim.batch.vmap import vmap
 from jaxsim.model import Model, State
 from jaxsim.step import step
-
-# The working set of a chunk should stay in a CPU's second-level cache: this many links in all
-# lanes together, within limits below which the vectors are too short and above which nothing
-# is gained.
-CACHED_LINKS, MIN_LANES, MAX_LANES = 16384, 64, 256
 
 
 def batch_rollout(
@@ -54,7 +50,7 @@ def batch_rollout(
     pad = functools.partial(_pad, rows=padded - batch)
     place = functools.partial(jax.device_put, device=NamedSharding(mesh, PartitionSpec("batch")))
     states, ctrls = jax.tree.map(lambda x: place(pad(x)), (states, ctrls))
-    run = _compiled(observe, mesh, devices[0].platform == "cpu")
+    run = _compiled(observe, mesh)
     final, seen = run(model, states, ctrls)
     final, seen = (
         jax.tree.map(lambda x: x[:batch], (final, seen)) if padded > batch else (final, seen)
@@ -63,22 +59,22 @@ def batch_rollout(
 
 
 @functools.lru_cache(maxsize=16)
-def _compiled(observe, mesh: Mesh, on_cpu: bool):
+def _compiled(observe, mesh: Mesh):
     """The rollout of all chunks on all devices; one compilation for each model structure."""
     spec, everywhere = PartitionSpec("batch"), PartitionSpec()
+    platform = mesh.devices.flat[0].platform
 
     def shard(model, states, ctrls):
         one = functools.partial(_rollout, model, observe)
         limit = chunk_lanes(model)
-        if not on_cpu or ctrls.shape[0] <= limit:
+        if platform != "cpu" or ctrls.shape[0] <= limit:
             return vmap(one)(states, ctrls)
         return _chunked(vmap(one), states, ctrls, limit)
 
-    options = {"xla_cpu_multi_thread_eigen": False} if on_cpu else None
     sharded = jax.shard_map(
         shard, mesh=mesh, in_specs=(everywhere, spec, spec), out_specs=spec, check_vma=False
     )
-    return jax.jit(sharded, compiler_options=options)
+    return jax.jit(sharded, compiler_options=compiler_options(platform))
 
 
 def _rollout(model: Model, observe, state: State, ctrls: Float[Array, "T nu"]):
@@ -89,20 +85,13 @@ def _rollout(model: Model, observe, state: State, ctrls: Float[Array, "T nu"]):
     return lax.scan(body, state, ctrls)
 
 
-def chunk_lanes(model: Model) -> int:
-    """How many environments of a model a CPU should step together."""
-    return max(MIN_LANES, min(MAX_LANES, CACHED_LINKS // max(model.njnt, 1)))
-
-
 def _chunked(f, states, ctrls, limit: int):
     """`lax.map` over equal chunks; the last one is filled up with copies."""
     lanes = ctrls.shape[0]
     chunks = -(-lanes // limit)
     size = -(-lanes // chunks)
     padded = jax.tree.map(lambda x: _pad(x, chunks * size - lanes), (states, ctrls))
-    split = jax.tree.map(lambda x: x.reshape(chunks, size, *x.shape[1:]), padded)
-    out = lax.map(lambda x: f(*x), split)
-    return jax.tree.map(lambda x: x.reshape(chunks * size, *x.shape[2:])[:lanes], out)
+    return jax.tree.map(lambda x: x[:lanes], map_chunks(f, size, *padded))
 
 
 def _pad(x, rows: int):

@@ -14,6 +14,7 @@ import rich.progress
 from jax.sharding import NamedSharding, PartitionSpec
 
 import jaxsim
+from jaxsim.batch.chunks import compiler_options, even_lanes, map_chunks
 from jaxsim.cli import UsageError
 from jaxsim.cli.report import note, report
 
@@ -87,17 +88,19 @@ def compiled_chunk(model: jaxsim.Model, ctrl: str, mesh: jax.sharding.Mesh) -> C
         state = jax.lax.fori_loop(0, count, lambda _, s: jaxsim.step(model, s, control), state)
         return state, key, ~(jnp.isfinite(state.qpos).all() & jnp.isfinite(state.qvel).all())
 
+    def chunks(states, keys, count):
+        run = jaxsim.vmap(lambda state, key: advance(state, key, count))
+        return map_chunks(run, even_lanes(model, keys.shape[0]), states, keys)
+
     batch = PartitionSpec("batch")
     mapped = jax.shard_map(
-        jaxsim.vmap(advance, in_axes=(0, 0, None)),
+        chunks,
         mesh=mesh,
         in_specs=(batch, batch, PartitionSpec()),
         out_specs=batch,
         check_vma=False,
     )
-    # XLA's own threads inside small kernels cost more than they give; devices are our threads.
-    on_cpu = mesh.devices[0].platform == "cpu"
-    options = {"xla_cpu_multi_thread_eigen": False} if on_cpu else None
+    options = compiler_options(mesh.devices[0].platform)
     # Said explicitly, or arrays of size zero come back unsplit and the next call compiles again.
     split = NamedSharding(mesh, batch)
     return jax.jit(mapped, out_shardings=split, compiler_options=options)

@@ -10,7 +10,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxsim.batch import vmap
-from jaxsim.batch.rollout import MIN_LANES, chunk_lanes
+from jaxsim.batch.chunks import even_lanes
 from jaxsim.envs import Env, EnvState
 from jaxsim.rl.distributed import AXIS
 
@@ -107,7 +107,7 @@ def collect(
       Where the environments are then, what happened, and which episodes ended meanwhile.
     """
     count = actors.episode_return.shape[0]
-    lanes = lanes_of(env, count)
+    lanes = even_lanes(env.unwrapped.model, count)
 
     def chunk(args):
         actors, key = args
@@ -122,16 +122,6 @@ def collect(
         actors = jax.tree.map(lambda x: x.reshape(count, *x.shape[2:]), actors)
         experience = jax.tree.map(_join_chunks, experience)
     return actors, experience, jax.tree.map(jnp.sum, episodes)
-
-
-def lanes_of(env: Env, count: int) -> int:
-    """How many of `count` environments to step together: all, or on a CPU what its cache holds."""
-    limit = chunk_lanes(env.unwrapped.model)
-    if jax.default_backend() != "cpu" or count <= limit:
-        return count
-    lanes = max(n for n in range(1, limit + 1) if count % n == 0)
-    # Short vectors cost more than a cache that is too small.
-    return lanes if lanes >= MIN_LANES else count
 
 
 def _step(env: Env, act: Act, actors: Actors, key) -> tuple[Actors, tuple[Experience, Episodes]]:

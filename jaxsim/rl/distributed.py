@@ -12,6 +12,8 @@ import numpy as np
 from flax import struct
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
+from jaxsim.batch.chunks import compiler_options
+
 AXIS = "batch"
 
 
@@ -47,14 +49,12 @@ def parallel(f: Callable, mesh: Mesh, in_specs: Any, out_specs: Any, donate: Any
       donate: indices of arguments whose memory may be used for the results.
     """
     mapped = jax.shard_map(f, mesh=mesh, in_specs=in_specs, out_specs=out_specs, check_vma=False)
-    # XLA's own threads inside small kernels cost more than they give; devices are our threads.
-    on_cpu = mesh.devices.flat[0].platform == "cpu"
     return jax.jit(
         mapped,
         # Said explicitly, or arrays of size zero come back unsplit and must be compiled for anew.
         out_shardings=shardings(mesh, out_specs),
         donate_argnums=donate,
-        compiler_options={"xla_cpu_multi_thread_eigen": False} if on_cpu else None,
+        compiler_options=compiler_options(mesh.devices.flat[0].platform),
     )
 
 

@@ -31,7 +31,7 @@ def keys():
 
 
 def run(env, keys, lanes, monkeypatch):
-    monkeypatch.setattr(module, "lanes_of", lambda env, count: lanes)
+    monkeypatch.setattr(module, "even_lanes", lambda model, count: lanes)
     collected = jax.jit(
         lambda keys: collect(env, push, start_actors(env, keys), jax.random.key(0), STEPS)
     )
@@ -93,10 +93,3 @@ def test_metrics_are_means_over_the_episodes_of_all_devices(env, keys):
     on_one = parallel(part, one, PartitionSpec("batch"), PartitionSpec())(keys)
     for name, value in on_one.items():
         np.testing.assert_allclose(on_two[name], value, rtol=1e-5)
-
-
-def test_chunks_divide_the_environments(env):
-    assert module.lanes_of(env, 8) == 8
-    assert module.lanes_of(env, 512) == 256
-    assert module.lanes_of(env, 300) == 150
-    assert module.lanes_of(env, 257) == 257

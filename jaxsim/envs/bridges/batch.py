@@ -22,7 +22,7 @@ from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array, Bool, Float
 
 from jaxsim.batch import vmap
-from jaxsim.batch.rollout import chunk_lanes
+from jaxsim.batch.chunks import compiler_options, even_lanes, map_chunks
 from jaxsim.envs.base import Env, EnvState
 
 RESET_LANES = 64  # environments that are reset together
@@ -98,15 +98,8 @@ def reset_where(env: Env, batch: Batch, mask: Bool[Array, "n"]) -> Batch:
 def step_all(env: Env, states: EnvState, actions: Float[Array, "n nu"]) -> EnvState:
     """One step of every environment, on a CPU in chunks that stay in cache."""
     step = vmap(functools.partial(guarded_step, env))
-    n, limit = actions.shape[0], chunk_lanes(env.unwrapped.model)
-    if jax.default_backend() != "cpu" or n <= limit:
-        return step(states, actions)
-    size = max(s for s in range(1, limit + 1) if n % s == 0)
-    if size < limit // 2:  # the batch has no divisor near the best size
-        return step(states, actions)
-    chunks = jax.tree.map(lambda x: x.reshape(n // size, size, *x.shape[1:]), (states, actions))
-    out = lax.map(lambda chunk: step(*chunk), chunks)
-    return jax.tree.map(lambda x: x.reshape(n, *x.shape[2:]), out)
+    lanes = even_lanes(env.unwrapped.model, actions.shape[0])
+    return map_chunks(step, lanes, states, actions)
 
 
 def mesh_for(num_envs: int) -> Mesh:
@@ -131,8 +124,3 @@ def sharded(f: Callable, mesh: Mesh, donate: tuple[int, ...] = ()) -> Callable:
         out_shardings=NamedSharding(mesh, batch),
         compiler_options=compiler_options(mesh.devices.flat[0].platform),
     )
-
-
-def compiler_options(platform: str) -> dict[str, Any] | None:
-    """XLA's own threads inside small kernels cost more than they give; devices are our threads."""
-    return {"xla_cpu_multi_thread_eigen": False} if platform == "cpu" else None
