@@ -18,8 +18,6 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 
 RESULTS = pathlib.Path(__file__).parent / "results"
-# Kernels of a batch-last program are small: XLA's threads cost more than they give.
-SINGLE_THREADED = {"xla_cpu_multi_thread_eigen": False}
 
 
 @dataclasses.dataclass
@@ -98,17 +96,13 @@ def compile_for(f: Callable, *args):
     """
     import jax
 
+    from jaxsim.batch.chunks import compiler_options
+
+    options = compiler_options(jax.default_backend())
     start = time.perf_counter()
-    program = jax.jit(f, compiler_options=compiler_options()).lower(*args).compile()
+    program = jax.jit(f, compiler_options=options).lower(*args).compile()
     seconds = time.perf_counter() - start
     return (lambda: jax.block_until_ready(program(*args))), program, seconds
-
-
-def compiler_options() -> dict | None:
-    """One thread for each device on a CPU."""
-    import jax
-
-    return SINGLE_THREADED if jax.default_backend() == "cpu" else None
 
 
 def parser(description: str, repetitions: int) -> argparse.ArgumentParser:

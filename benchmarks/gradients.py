@@ -32,11 +32,8 @@ def main(arguments=None) -> None:
 
 def _options(arguments) -> argparse.Namespace:
     parser = common.parser(__doc__, repetitions=7)
-    usual = ["humanoid", "ant", "half_cheetah", "hopper", "walker2d"]
-    parser.add_argument("--models", nargs="+", default=usual, choices=models.MODELS)
-    parser.add_argument("--batch", type=int, default=128, help="environments")
+    models.add_options(parser)
     parser.add_argument("--steps", type=int, default=32, help="steps of the rollout")
-    parser.add_argument("--states", type=int, default=32, help="different states in the batch")
     return parser.parse_args(arguments)
 
 

@@ -1,5 +1,6 @@
 """The models of the benchmarks, all shipped by other packages, and states that they visit."""
 
+import argparse
 import dataclasses
 import importlib.util
 import pathlib
@@ -19,6 +20,14 @@ MODELS = {
     "gymnasium_humanoid": ("gymnasium", "envs/mujoco/assets/humanoid.xml"),
     "five_humanoids": ("mujoco", "mjx/test_data/humanoid/05_humanoids.xml"),
 }
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Options of the benchmarks that step a batch of visited states on one thread."""
+    usual = ["humanoid", "ant", "half_cheetah", "hopper", "walker2d"]
+    parser.add_argument("--models", nargs="+", default=usual, choices=MODELS)
+    parser.add_argument("--batch", type=int, default=128, help="environments")
+    parser.add_argument("--states", type=int, default=32, help="different states in the batch")
 
 
 def load(name: str) -> mujoco.MjModel:

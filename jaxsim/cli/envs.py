@@ -2,23 +2,15 @@
 
 import argparse
 
-import rich
-import rich.table
-
 import jaxsim.envs
+from jaxsim.cli.report import listing
 from jaxsim.envs.describe import describe
 
 
 def run(_: argparse.Namespace) -> int:
     """Print one line per environment: its name, its sizes and what is to be done in it."""
-    table = rich.table.Table(box=None)
-    table.add_column("environment", no_wrap=True)
-    for size in ("observation", "action", "steps"):
-        table.add_column(size, justify="right")
-    table.add_column("task")
-    for name in jaxsim.envs.names():
-        table.add_row(name, *(str(x) for x in _row(name)))
-    rich.print(table)
+    rows = ((name, *_row(name)) for name in jaxsim.envs.names())
+    listing("environment", ("observation", "action", "steps"), "task", rows)
     return 0
 
 

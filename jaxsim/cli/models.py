@@ -5,25 +5,21 @@ import re
 from importlib import resources
 
 import mujoco
-import rich
-import rich.table
 
+from jaxsim.cli.report import listing
 from jaxsim.io import bundled_models
 
 
 def run(_: argparse.Namespace) -> int:
     """Print one line per bundled model: its name, its sizes and what it is."""
-    table = rich.table.Table(box=None)
-    table.add_column("model", no_wrap=True)
-    for size in ("nq", "nv", "nu"):
-        table.add_column(size, justify="right")
-    table.add_column("what it is")
-    for name in bundled_models():
-        xml = (resources.files("jaxsim") / "assets" / f"{name}.xml").read_text("utf-8")
-        model = mujoco.MjModel.from_xml_string(xml)
-        table.add_row(name, *(str(n) for n in (model.nq, model.nv, model.nu)), _header(xml))
-    rich.print(table)
+    listing("model", ("nq", "nv", "nu"), "what it is", map(_row, bundled_models()))
     return 0
+
+
+def _row(name: str) -> tuple[str, int, int, int, str]:
+    xml = (resources.files("jaxsim") / "assets" / f"{name}.xml").read_text("utf-8")
+    model = mujoco.MjModel.from_xml_string(xml)
+    return name, model.nq, model.nv, model.nu, _header(xml)
 
 
 def _header(xml: str) -> str:

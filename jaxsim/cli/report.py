@@ -1,6 +1,6 @@
 """What commands write to the terminal: reports on standard output, notes on standard error."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import rich
 import rich.console
@@ -15,6 +15,18 @@ def report(rows: Mapping[str, str]) -> None:
     table.add_column()
     for name, value in rows.items():
         table.add_row(name, rich.text.Text(value))
+    rich.print(table)
+
+
+def listing(name: str, sizes: Iterable[str], about: str, rows: Iterable[Iterable[object]]) -> None:
+    """Print a table of names with some sizes and a sentence each, as they are."""
+    table = rich.table.Table(box=None)
+    table.add_column(name, no_wrap=True)
+    for size in sizes:
+        table.add_column(size, justify="right")
+    table.add_column(about)
+    for row in rows:
+        table.add_row(*(rich.text.Text(str(cell)) for cell in row))
     rich.print(table)
 
 

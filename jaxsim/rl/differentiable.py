@@ -20,12 +20,12 @@ NO_LIMIT = 1e18
 class Differentiable(Wrapper):
     """The same environment, prepared for reverse mode through many steps.
 
-    The backward pass repeats each step instead of remembering what happened within it, so that a
-    rollout keeps its states only. What flows back through a step is made harmless: if it is not
-    finite (a simulation that diverged, which `AutoReset` replaces), this environment adds
-    nothing to the gradient; if it is longer than `limit`, it is scaled down to it, which tames
-    the products of Jacobians that grow exponentially in chaotic motion. The other environments
-    of a batch are not affected.
+    The backward pass repeats each step instead of remembering what happened within it, so that
+    a rollout keeps its states and accelerations only. What flows back through a step is made
+    harmless: if it is not finite (a simulation that diverged, which `AutoReset` replaces), this
+    environment adds nothing to the gradient; if it is longer than `limit`, it is scaled down to
+    it, which tames the products of Jacobians that grow exponentially in chaotic motion. The
+    other environments of a batch are not affected.
 
     Attributes:
       limit: greatest norm of the cotangent of state and action of one step.

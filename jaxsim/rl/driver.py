@@ -108,7 +108,7 @@ def resolve(
     if not isinstance(settings, cls):
         raise config.ConfigError(
             f"settings of {algorithm_name(algorithm)} must be a mapping, a file or a "
-            f"{cls.__module__}.Config, got {settings!r}"
+            f"{cls.__module__}.{cls.__qualname__}, got {settings!r}"
         )
     return config.override(settings, overrides)
 
