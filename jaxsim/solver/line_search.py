@@ -143,8 +143,9 @@ def _advance(line: Line, tolerance: Float[Array, ""], search: _Search) -> _Searc
     inside = (newton > low) & (newton < high)
     bisect = jnp.isfinite(high) & (slow | ~inside)
     proposal = jnp.where(bisect, middle, newton)
-    # Nothing lies between the ends of a bracket as narrow as a unit of rounding.
-    narrow = (proposal <= low) | (proposal >= high)
+    # Nothing lies between the ends of a bracket as narrow as a unit of rounding, and nothing is
+    # to be gained in one along which the slope changes by no more than rounding.
+    narrow = (proposal <= low) | (proposal >= high) | ((high - low) * second <= rounding)
     done = search.done | (steepness <= jnp.maximum(tolerance, rounding)) | narrow
     return _Search(
         alpha=jnp.where(done, alpha, proposal),
