@@ -32,7 +32,7 @@ MAX_TERMS = 32  # of one unrolled sum, both operands batched
 MAX_TERMS_VECTOR = 64  # the same where the result has at most as many entries as an operand
 MAX_TERMS_SHARED = 8  # of one unrolled sum, one operand shared by all lanes
 MAX_PRODUCTS = 32768  # multiplications for one lane
-MIN_CALL = 27  # multiplications for one lane from which a product is a kernel of its own
+MIN_CALL = 6  # multiplications for one lane from which a product is a kernel of its own
 
 Labels = tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]  # left, right, result
 

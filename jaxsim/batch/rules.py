@@ -78,6 +78,15 @@ def reduce_sum(lanes, eqn, values, flags):
     return [_sum(values[0], axes)]
 
 
+def reduce_logical(operator, lanes, eqn, values, flags):
+    """The same for what has no derivative."""
+    axes = tuple(eqn.params["axes"])
+    if not 0 < math.prod(values[0].shape[a] for a in axes) <= MAX_SUM:
+        return same_axes(lanes, eqn, values, flags)
+    with set_xla_metadata(inlineable="false"):
+        return [_written_out(values[0], axes=axes, operator=operator)]
+
+
 @functools.partial(jax.custom_jvp, nondiff_argnums=(1,))
 def _sum(x, axes: tuple[int, ...]):
     """Sum over some axes by elementwise additions, of an operand that is computed first."""
@@ -91,15 +100,15 @@ def _sum_jvp(axes, primals, tangents):
     return _sum(*primals, axes), jnp.sum(tangents[0], axes)
 
 
-@functools.partial(jax.jit, static_argnames="axes")
-def _written_out(x, *, axes: tuple[int, ...]):
+@functools.partial(jax.jit, static_argnames=("axes", "operator"))
+def _written_out(x, *, axes: tuple[int, ...], operator=lax.add):
     for axis in sorted(axes, reverse=True):
-        x = lax.squeeze(_added(x, axis), [axis])
+        x = lax.squeeze(_reduced(x, axis, operator), [axis])
     return x
 
 
-def _added(x, axis: int):
-    """Sum over an axis, kept with size one: eight parts of the axis at a time."""
+def _reduced(x, axis: int, operator):
+    """Reduction of an axis, kept with size one: eight parts of the axis at a time."""
     size = x.shape[axis]
     if size == 1:
         return x
@@ -107,8 +116,8 @@ def _added(x, axis: int):
     length = size // parts
     edges = [*range(0, (parts + 1) * length, length), *range(parts * length + 1, size + 1)]
     slices = [lax.slice_in_dim(x, a, b, axis=axis) for a, b in itertools.pairwise(edges)]
-    total = _added(functools.reduce(lax.add, slices[:parts]), axis)
-    return functools.reduce(lax.add, slices[parts:], total)
+    total = _reduced(functools.reduce(operator, slices[:parts]), axis, operator)
+    return functools.reduce(operator, slices[parts:], total)
 
 
 def select_n(lanes, eqn, values, flags):
@@ -132,6 +141,27 @@ def clamp(lanes, eqn, values, flags):
 def same_axes(lanes, eqn, values, flags):
     """Primitives whose parameters name axes from the front: reductions, sorts, scans."""
     return bind(eqn, *_all(lanes, values, flags))
+
+
+def computed_first(lanes, eqn, values, flags):
+    """A barrier ends a fusion; XLA's own is gone on a CPU before operations are fused."""
+    return [_computed(v) for v in _all(lanes, values, flags)]
+
+
+@jax.custom_jvp
+def _computed(x):
+    with set_xla_metadata(inlineable="false"):
+        return _identity(x)
+
+
+@_computed.defjvp
+def _computed_jvp(primals, tangents):
+    return _computed(*primals), tangents[0]
+
+
+@jax.jit
+def _identity(x):
+    return x
 
 
 def bitcast(lanes, eqn, values, flags):
@@ -212,7 +242,7 @@ stop_gradient sub tan tanh xor zeta
 
 SAME_AXES = """
 argmax argmin concatenate cumlogsumexp cummax cummin cumprod cumsum expand_dims
-optimization_barrier reduce_and reduce_max reduce_min reduce_or reduce_prod reduce_xor
+reduce_max reduce_min reduce_prod reduce_xor
 rev sort split squeeze
 """.split()
 
@@ -225,6 +255,9 @@ RULES: dict[str, Callable] = {
     "clamp": clamp,
     "pad": pad,
     "reshape": reshape,
+    "optimization_barrier": computed_first,
+    "reduce_and": functools.partial(reduce_logical, lax.bitwise_and),
+    "reduce_or": functools.partial(reduce_logical, lax.bitwise_or),
     "reduce_sum": reduce_sum,
     "select_n": select_n,
     "stack": stack,

@@ -13,8 +13,8 @@ from jaxtyping import Array, Float
 
 from jaxsim.collision import Contact
 from jaxsim.constraint.block import Block, inverse_where
+from jaxsim.constraint.contact_rows import contact_rows
 from jaxsim.constraint.impedance import MIN_VALUE, response
-from jaxsim.constraint.jacobian import link_rows
 from jaxsim.constraint.scene import Scene
 from jaxsim.dynamics.tree import take
 from jaxsim.solver import EllipticCone, Unilateral
@@ -71,15 +71,13 @@ def _block(scene: Scene, contact: Contact, condim: int) -> Block:
     model = scene.model
     bodies = [_lookup(model.geom_bodyid, g) for g in (contact.geom1, contact.geom2)]
     links = [_lookup(model.body_link, b) for b in bodies]
-    G = [_contact_rows(scene, contact, link, condim) for link in links]
     first, second = (_values(model.body_invweight0, b) for b in bodies)
     weight = first + second
     violation = contact.dist - contact.includemargin
     pyramidal = _pyramidal(scene, condim)
-    if pyramidal:
-        edges = jax.vmap(lambda g, mu: _pyramid(g, mu[: condim - 1]))
-        G = [edges(g, contact.friction) for g in G]
-    jacobian = link_rows(links[0], G[0], links[1], G[1])
+    mu = contact.friction[:, : condim - 1] if pyramidal else None
+    arms = [_arms(scene, contact.pos, link) for link in links]
+    jacobian = contact_rows(contact.frame, mu, condim, arms, links)
     velocity = scene.velocity(jacobian)
     rows = _pyramidal_rows if pyramidal else _elliptic_rows
     make = jax.vmap(lambda *a: rows(model.opt, condim, *a))
@@ -106,30 +104,10 @@ def _values(values: Array, index) -> Array:
     return take(values, index) if isinstance(index, np.ndarray) else values[index]
 
 
-def _contact_rows(scene: Scene, contact: Contact, link, condim: int) -> Float[Array, "n d 6"]:
-    """Maps from a link's twist to the motion of the contact point in the contact frame."""
+def _arms(scene: Scene, pos: Float[Array, "n 3"], link) -> Float[Array, "n 3"]:
+    """Points from the reference points of links; anything where the link is -1."""
     origins = scene.link_origins()
-    # Links are numbered from zero; -1, what does not move, reads the last row and is never used.
-    padded = jnp.concatenate([origins, jnp.zeros((1, 3), origins.dtype)])
-    arm = contact.pos - _values(
-        padded, link % len(padded) if isinstance(link, np.ndarray) else link
-    )
-
-    def one(arm, frame):
-        linear = [jnp.concatenate([jnp.cross(arm, axis), axis]) for axis in frame[: min(condim, 3)]]
-        angular = [
-            jnp.concatenate([axis, jnp.zeros_like(axis)]) for axis in frame[: max(condim - 3, 0)]
-        ]
-        return jnp.stack(linear + angular)
-
-    return jax.vmap(one)(arm, contact.frame)
-
-
-def _pyramid(rows: Float[Array, "d 6"], mu: Float[Array, "d-1"]) -> Float[Array, "2(d-1) 6"]:
-    """The pyramid's edges `normal +- mu tangent` from the rows of the contact frame."""
-    scaled = mu[:, None] * rows[1:]
-    both = jnp.stack([rows[:1] + scaled, rows[:1] - scaled], axis=1)
-    return both.reshape(-1, rows.shape[1])
+    return pos - _values(origins, link % max(len(origins), 1))
 
 
 def _pyramidal_rows(

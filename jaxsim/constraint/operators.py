@@ -60,7 +60,7 @@ class TreeOperator:
       cdof: motion axes.
       inertia: inertias of the links.
       armature: of the degrees of freedom.
-      jacobians: one per block, rows sorted by link where that is static.
+      jacobians: one per block.
       tree: the links, static.
       exact: whether the articulated solve is the whole truth, static.
     """
@@ -132,7 +132,6 @@ def make_operator(model: Model, kin: Kinematics, blocks: list[Block], strategy: 
             jacobian=tuple(J.dense(model.tree, kin.cdof) for J in jacobians),
         )
     armature = to_tree_order(model, dof_armature(model))
-    jacobians = tuple(J.sorted_by_link(model.tree) for J in jacobians)
     exact = strategy == "articulated"
     return TreeOperator(kin.cdof, kin.inertia, armature, jacobians, model.tree, exact)
 

@@ -43,11 +43,11 @@ def outward(forest: Forest, f: Callable, root: Any, nodes: Any, dofs: Any = ()) 
     for run in forest.runs:
         level = forest.levels[run.start]
 
-        def body(y, node, dof, level=level):
-            y, z = _level(level, f, _take(y, level.parents), node, dof)
-            return y, y, z
+        def recur(y, node, dof, level=level):
+            return _level(level, f, _take(y, level.parents), node, dof)
 
-        carry, y, z = _walk(forest, run, body, carry, nodes, dofs, reverse=False)
+        onward = lambda y: y  # noqa: E731
+        carry, y, z = _walk(forest, run, recur, onward, carry, nodes, dofs, reverse=False)
         ys.append(y)
         zs.append(z)
     return _concatenate(ys), _concatenate(zs)
@@ -74,11 +74,13 @@ def inward(forest: Forest, f: Callable, zero: Any, nodes: Any, dofs: Any = ()) -
         level = forest.levels[run.start]
         above = forest.levels[run.start - 1].size if run.start else forest.nroot
 
-        def body(total, node, dof, level=level, above=above):
-            m, z = _level(level, f, total, node, dof)
-            return jax.tree.map(lambda a: sum_by(a, level.parents, above), m), m, z
+        def recur(total, node, dof, level=level):
+            return _level(level, f, total, node, dof)
 
-        carry, m, z = _walk(forest, run, body, carry, nodes, dofs, reverse=True)
+        def onward(m, level=level, above=above):
+            return jax.tree.map(lambda a: sum_by(a, level.parents, above), m)
+
+        carry, m, z = _walk(forest, run, recur, onward, carry, nodes, dofs, reverse=True)
         ms.append(m)
         zs.append(z)
     return _concatenate(ms[::-1]), _concatenate(zs[::-1])
@@ -103,12 +105,23 @@ def take(x: jax.Array, index: np.ndarray) -> jax.Array:
         return x
     if len(index) and (index == index[0]).all():
         return jnp.broadcast_to(x[index[0]][None], (len(index), *x.shape[1:]))
-    breaks = np.nonzero(np.diff(index) != 1)[0] + 1
-    runs = np.split(index, breaks)
+    # Runs of consecutive rows, each of them as often as the others.
+    first = np.concatenate([[0], np.nonzero(np.diff(index))[0] + 1]) if len(index) else index
+    row, times = index[first], np.diff(first, append=len(index))
+    cuts = np.nonzero((np.diff(row) != 1) | (np.diff(times) != 0))[0] + 1
+    runs = list(zip(np.split(row, cuts), np.split(times, cuts), strict=True))
     if len(runs) > _MAX_SLICES:
         return x.at[index].get(mode="promise_in_bounds")
-    parts = [lax.slice_in_dim(x, int(r[0]), int(r[-1]) + 1) for r in runs if len(r)]
+    parts = [_repeated(x[r[0] : r[-1] + 1], int(n[0])) for r, n in runs if len(r)]
     return jnp.concatenate(parts) if parts else x[:0]
+
+
+def _repeated(x: jax.Array, times: int) -> jax.Array:
+    """Every row of x that many times."""
+    if times == 1:
+        return x
+    repeated = jnp.broadcast_to(x[:, None], (len(x), times, *x.shape[1:]))
+    return repeated.reshape(-1, *x.shape[1:])
 
 
 def sum_by(x: jax.Array, group: np.ndarray, n: int) -> jax.Array:
@@ -156,22 +169,32 @@ def _level(level: Level, f, parents, nodes, dofs):
     return _concatenate(ys), _concatenate(zs)
 
 
-def _walk(forest: Forest, run: Run, body, carry, nodes, dofs, reverse: bool):
+def _walk(forest: Forest, run: Run, recur, onward, carry, nodes, dofs, reverse: bool):
     """One level directly; several by a scan whose outputs are joined again."""
     first, last = forest.levels[run.start], forest.levels[run.stop - 1]
     count, size, ndof = run.stop - run.start, first.size, first.ndof
     nodes = jax.tree.map(lambda a: a[first.nodes.start : last.nodes.stop], nodes)
     dofs = jax.tree.map(lambda a: a[first.dofs.start : last.dofs.stop], dofs)
     if count == 1:
-        return body(carry, nodes, dofs)
+        y, z = recur(carry, nodes, dofs)
+        y = jax.tree.map(_computed_once, y)
+        return onward(y), y, z
 
     def one(carry, x):
-        carry, y, z = body(carry, _rows(x[0], size), _rows(x[1], ndof))
-        return carry, (_unrows(y, size), _unrows(z, ndof))
+        y, z = recur(carry, _rows(x[0], size), _rows(x[1], ndof))
+        return onward(y), (_unrows(y, size), _unrows(z, ndof))
 
     xs = _split(nodes, count, size), _split(dofs, count, ndof)
     carry, (ys, zs) = lax.scan(one, carry, xs, reverse=reverse)
     return carry, _join(ys, size), _join(zs, ndof)
+
+
+def _computed_once(y):
+    """A level's vectors, which the compiler would compute again for each use, with those before.
+
+    Matrices it does not, as they come from products.
+    """
+    return lax.optimization_barrier(y) if y.ndim <= 2 else y
 
 
 # A level of one row is scanned without the axis of length one: XLA would copy the whole array

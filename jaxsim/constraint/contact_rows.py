@@ -1,0 +1,199 @@
+"""Rows of contacts: how a point of one link moves past a point of another, in the contact frame.
+
+Nothing of the size of a Jacobian is kept. An arm for each link, the frame and the friction
+coefficients say all, and `J^T W J` is summed as three 3x3 matrices for each link.
+"""
+
+import jax
+import jax.numpy as jnp
+from flax import struct
+from jaxtyping import Array, Float
+
+from jaxsim.constraint.links import Links, gather, moves, scatter
+from jaxsim.model.topology import Forest
+
+
+@struct.dataclass
+class Side:
+    """One of the two links of each contact.
+
+    Attributes:
+      arm: (n, 3) contact point from the reference point of the link's tree, world axes (m).
+      link: the links.
+      sign: 1 for the second geom's link, -1 for the first one's, static.
+    """
+
+    arm: Float[Array, "n 3"]
+    link: Links
+    sign: float = struct.field(pytree_node=False)
+
+
+@struct.dataclass
+class ContactRows:
+    """The relative motion of two links at n contacts that have the same dimension.
+
+    In the contact frame it has a normal, two sliding, one spinning and two rolling components, of
+    which `condim` are rows. A pyramid has two rows for each direction of friction instead, its
+    edges `normal +- mu tangent`.
+
+    Attributes:
+      frame: (n, 3, 3) rows are the normal and two tangents.
+      mu: (n, condim - 1) coefficients of a pyramid's directions, None without a pyramid.
+      sides: the links that may move.
+      condim: number of components, static.
+    """
+
+    frame: Float[Array, "n 3 3"]
+    mu: Float[Array, "n condim-1"] | None
+    sides: tuple[Side, ...]
+    condim: int = struct.field(pytree_node=False)
+
+    @property
+    def coupled(self) -> bool:
+        """Whether two links that both move may meet in one contact."""
+        return len(self.sides) == 2
+
+    def apply(self, x, a: Float[Array, "njnt 6"]) -> Float[Array, "n rows"]:
+        """Relative accelerations `J x` from those of the links, `a`."""
+        parts = [s.sign * jax.vmap(_at_point)(gather(a, s.link), s.arm) for s in self.sides]
+        rows = jax.vmap(self._components)(self.frame, sum(parts[1:], parts[0]))
+        return rows if self.mu is None else jax.vmap(_edges)(rows, self.mu)
+
+    def pull(self, tree: Forest, force: Float[Array, "n rows"]):
+        """Wrenches on the links that add up to `J^T f`, and no generalised forces."""
+        if self.mu is not None:
+            force = jax.vmap(_along_components)(force, self.mu)
+        wrench = jax.vmap(self._wrench)(self.frame, force)
+        parts = [
+            s.sign * scatter(jax.vmap(_about_reference)(wrench, s.arm), s.link, len(tree))
+            for s in self.sides
+        ]
+        return None, sum(parts[1:], parts[0])
+
+    def curvature(self, tree: Forest, W: Array):
+        """Link matrices (njnt, 6, 6) of `J^T W J`, coupling left out, and no diagonal.
+
+        Args:
+          tree: the links.
+          W: diagonal, (n, rows), or in blocks, (n, rows, rows).
+        """
+        if self.mu is not None:
+            W = jax.vmap(_edge_stiffness)(W, self.mu)
+        elif W.ndim == 2:
+            W = jax.vmap(jnp.diag)(W)
+        stiffness = jax.vmap(self._stiffness)(self.frame, W)
+        parts = []
+        for s in self.sides:
+            blocks = jax.vmap(_shifted)(stiffness, s.arm)
+            blocks = jax.tree.map(lambda b, s=s: scatter(b, s.link, len(tree)), blocks)
+            parts.append(jax.vmap(_joined)(*blocks))
+        return None, sum(parts[1:], parts[0])
+
+    def dense(self, tree: Forest, cdof: Float[Array, "nv 6"]) -> Float[Array, "n rows nv"]:
+        """J as a matrix, tree order."""
+        masks = [s.sign * moves(tree, s.link, cdof.dtype) for s in self.sides]
+        arms = [s.arm for s in self.sides]
+        if tree.nroot == 1:  # The links have the same reference point, so the same arms.
+            masks, arms = [sum(masks[1:], masks[0])], arms[:1]
+        axes = jax.vmap(jax.vmap(_at_point, in_axes=(0, None)), in_axes=(None, 0))
+        parts = [axes(cdof, arm) * mask[:, :, None] for arm, mask in zip(arms, masks, strict=True)]
+        components = jax.vmap(jax.vmap(self._components, in_axes=(None, 0), out_axes=1))
+        rows = components(self.frame, sum(parts[1:], parts[0]))
+        edges = jax.vmap(jax.vmap(_edges, in_axes=(1, None), out_axes=1))
+        return rows if self.mu is None else edges(rows, self.mu)
+
+    def _components(self, frame, motion):
+        """The rows of a motion (angular, linear) at the contact point."""
+        linear = frame[: self.condim] @ motion[3:]
+        if self.condim <= 3:
+            return linear
+        return jnp.concatenate([linear, frame[: self.condim - 3] @ motion[:3]])
+
+    def _wrench(self, frame, force):
+        """The transpose of `_components`: (torque, force) at the contact point."""
+        push = force[:3] @ frame[: self.condim]
+        spin = force[3:] @ frame[: self.condim - 3] if self.condim > 3 else jnp.zeros_like(push)
+        return jnp.concatenate([spin, push])
+
+    def _stiffness(self, frame, W):
+        """Linear, mixed and angular 3x3 blocks of `C^T W C`, with C that of `_components`."""
+        F = frame[: self.condim]
+        linear = F.T @ (W[:3, :3] @ F)
+        if self.condim <= 3:
+            return linear, None, None
+        A = frame[: self.condim - 3]
+        return linear, A.T @ (W[3:, :3] @ F), A.T @ (W[3:, 3:] @ A)
+
+
+def contact_rows(frame, mu, condim: int, arms, links) -> ContactRows:
+    """Rows of the contacts, without the links that never move.
+
+    Args:
+      frame: (n, 3, 3) contact frames.
+      mu: coefficients of the pyramids, or None.
+      condim: dimension of the contacts.
+      arms: contact points from the reference points of the first and of the second links.
+      links: first and second links in tree order, -1 for what does not move; numpy if static.
+    """
+    sides = [
+        Side(arm, Links.of(link), sign)
+        for arm, link, sign in zip(arms, links, (-1.0, 1.0), strict=True)
+    ]
+    moving = [side for side in sides if side.link.may_move]
+    return ContactRows(frame, mu, tuple(moving or sides[1:]), condim)
+
+
+def _at_point(twist, arm):
+    """The motion of a link's point at `arm` from the reference point."""
+    omega, v = twist[:3], twist[3:]
+    return jnp.concatenate([omega, v + jnp.cross(omega, arm)])
+
+
+def _about_reference(wrench, arm):
+    """A wrench at the contact point, about the reference point."""
+    torque, force = wrench[:3], wrench[3:]
+    return jnp.concatenate([torque + jnp.cross(arm, force), force])
+
+
+def _edges(rows, mu):
+    """The pyramid's edges `normal +- mu tangent` from the components."""
+    tangent = mu * rows[1:]
+    return (rows[0] + jnp.stack([tangent, -tangent], axis=1)).reshape(-1)
+
+
+def _along_components(edges, mu):
+    """The transpose of `_edges`: forces along the components from those along the edges."""
+    pairs = edges.reshape(-1, 2)
+    return jnp.concatenate([edges.sum()[None], mu * (pairs[:, 0] - pairs[:, 1])])
+
+
+def _edge_stiffness(w, mu):
+    """`E^T diag(w) E`, with E that of `_edges`."""
+    pairs = w.reshape(-1, 2)
+    total = mu * mu * (pairs[:, 0] + pairs[:, 1])
+    mixed = mu * (pairs[:, 0] - pairs[:, 1])
+    first = jnp.concatenate([w.sum()[None], mixed])
+    return jnp.concatenate(
+        [first[None], jnp.concatenate([mixed[:, None], jnp.diag(total)], axis=1)]
+    )
+
+
+def _shifted(stiffness, arm):
+    """Blocks at the contact point, from about the reference point: linear, mixed and angular.
+
+    With X the matrix of `omega -> omega x arm`: `K`, `K X + B^T` and `X^T K X + B X + (B X)^T + A`.
+    """
+    linear, mixed, angular = stiffness
+    lower = jnp.cross(arm[None], linear)  # K X; its rows are arm x the rows of K
+    if mixed is not None:
+        lower = lower + mixed.T
+    upper = jnp.cross(arm[:, None], lower, axis=0)
+    if mixed is not None:
+        upper = upper + jnp.cross(arm[None], mixed) + angular
+    return upper, lower, linear
+
+
+def _joined(upper, lower, linear):
+    """The symmetric 6x6 matrix of the blocks."""
+    top = jnp.concatenate([upper, lower.T], axis=1)
+    return jnp.concatenate([top, jnp.concatenate([lower, linear], axis=1)])

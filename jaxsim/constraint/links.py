@@ -1,0 +1,62 @@
+"""The links on which constraint rows act: values for each row, and sums over the rows of a link."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from jaxsim.dynamics.tree import sum_by, take
+from jaxsim.model.topology import Forest
+
+
+@jax.tree_util.register_dataclass
+@dataclasses.dataclass(frozen=True)
+class Links:
+    """Links in tree order, -1 for what does not move; either static or decided at run time."""
+
+    static: tuple[int, ...] | None = dataclasses.field(metadata={"static": True})
+    traced: Int[Array, "n"] | None
+
+    @classmethod
+    def of(cls, index) -> "Links":
+        """Static where the index is a numpy array."""
+        if isinstance(index, np.ndarray):
+            return cls(tuple(int(i) for i in index), None)
+        return cls(None, jnp.asarray(index))
+
+    @property
+    def may_move(self) -> bool:
+        """False if it is known that none of them moves."""
+        return self.static is None or any(i >= 0 for i in self.static)
+
+
+def gather(x: Float[Array, "njnt ..."], links: Links) -> Float[Array, "n ..."]:
+    """The value of each row's link, zero for what does not move."""
+    if links.traced is not None:
+        return _padded(x)[links.traced]  # -1 is the row of zeros
+    index = np.array(links.static, int)
+    if (index >= 0).all():
+        return take(x, index)
+    return take(_padded(x), np.where(index < 0, len(x), index))
+
+
+def scatter(x: Float[Array, "n ..."], links: Links, n: int) -> Float[Array, "njnt ..."]:
+    """Sums over the rows of each of `n` links; what does not move is dropped."""
+    if links.traced is not None:
+        return jnp.zeros((n + 1, *x.shape[1:]), x.dtype).at[links.traced].add(x)[:n]
+    index = np.array(links.static, int)
+    (moving,) = np.nonzero(index >= 0)
+    return sum_by(take(x, moving), index[moving], n)
+
+
+def moves(tree: Forest, links: Links, dtype) -> Float[Array, "n nv"]:
+    """1 where a degree of freedom moves the link, else 0."""
+    if links.traced is not None:
+        return jnp.asarray(tree.moves, dtype)[links.traced]
+    return jnp.asarray(tree.moves[np.array(links.static, int)], dtype)
+
+
+def _padded(x):
+    return jnp.concatenate([x, jnp.zeros_like(x[:1])])
