@@ -43,6 +43,16 @@ def test_elementwise_with_scalars():
     _each_sharing(f, _normal(BATCH), _normal(BATCH, 2, 3))
 
 
+def test_barrier_and_logical_reductions():
+    """A barrier changes nothing; short and long reductions along any axes."""
+
+    def f(x, y):
+        both = lax.optimization_barrier((x, x * y))
+        return [*both, *((x > k).any(k) for k in (0, 1)), (x > -2).all((0, 2)), (x > -3).all()]
+
+    _each_sharing(f, _normal(BATCH, 3, 40, 5), _normal(BATCH, 3, 40, 5))
+
+
 def test_clamp():
     """Bounds of each kind; the library has no derivative for those that are scalars."""
 
