@@ -83,7 +83,8 @@ def impedance(solimp: Float[Array, "5"], violation: Float[Array, ""]) -> Float[A
     lower = x_safe <= middle
     # One power law serves both sides: the upper one is the lower one turned by half a turn.
     base, scale = jnp.where(lower, x_safe, 1 - x_safe), jnp.where(lower, middle, 1 - middle)
-    curve = scale * (base / scale) ** power
+    # A power of a positive number; unlike `**` this is vectorised.
+    curve = scale * jnp.exp(power * jnp.log(base / scale))
     y = jnp.where(lower, curve, 1 - curve)
     y = jnp.where(inside, y, jnp.where(x >= 1, 1.0, 0.0))
     return jnp.where(flat, 0.5 * (dmin + dmax), dmin + y * (dmax - dmin))

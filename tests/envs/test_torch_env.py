@@ -66,11 +66,12 @@ def test_without_torch_the_error_says_what_to_install(monkeypatch):
         torch_env.TorchVectorEnv("fast", 2)
 
 
+@pytest.mark.parametrize("n", [3, 4])  # four are spread over both devices
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
-def test_says_what_the_numpy_environment_says(mode):
-    ours = make(mode)
+def test_says_what_the_numpy_environment_says(mode, n):
+    ours = make(mode, n)
     plain = gymnasium.make_vec(
-        "jaxsim/Fast-v0", num_envs=3, autoreset_mode=mode, max_episode_steps=2
+        "jaxsim/Fast-v0", num_envs=n, autoreset_mode=mode, max_episode_steps=2
     )
     np.testing.assert_array_equal(ours.reset(seed=4)[0], plain.reset(seed=4)[0])
     for _ in range(5):

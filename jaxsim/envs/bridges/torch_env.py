@@ -13,6 +13,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.sharding import NamedSharding, PartitionSpec
 
 from jaxsim.envs.base import Env
 from jaxsim.envs.bridges.autoreset import Outcome
@@ -89,7 +90,8 @@ class TorchVectorEnv(GymnasiumVectorEnv):
         super().__init__(env, num_envs, **options)
 
     def _taken(self, actions: Any) -> jax.Array:
-        return from_torch(actions)
+        # An array from elsewhere is bound to its device; the environments may be on several.
+        return jax.device_put(from_torch(actions), NamedSharding(self._mesh, PartitionSpec("batch")))
 
     def _started(self, fresh: Batch, mask: np.ndarray):
         self._done = self._done & ~mask
