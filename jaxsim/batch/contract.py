@@ -22,11 +22,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jax.experimental.xla_metadata import set_xla_metadata
 from jax.extend import core as jex
 from jax.interpreters import ad, batching, mlir
 
 from jaxsim.batch import params
+from jaxsim.batch.fusion import not_inlined
 
 MAX_TERMS = 32  # of one unrolled sum, both operands batched
 MAX_TERMS_VECTOR = 64  # the same where the result has at most as many entries as an operand
@@ -67,17 +67,16 @@ def contract(x, y, labels: Labels, precision: Any = None):
 
 
 def evaluate(x, y, *, labels: Labels, precision, call: bool = False):
-    """Unrolled where that is faster, else one `dot_general`.
-
-    XLA fuses the computation of an operand into every use of it, which for a chain of products
-    grows exponentially. On a CPU a call that is not inlined ends the fusion; the optimisation
-    barrier does not, as it is removed first.
-    """
+    """Unrolled where that is faster, if need be in two parts, else one `dot_general`."""
     sizes = _sizes(x, y, labels)
     if not _unrolls(labels, sizes):
+        parts = _halves(x, y, labels, sizes)
+        if parts:
+            both = [evaluate(*p, labels=labels, precision=precision, call=call) for p in parts]
+            return both[0] + both[1]
         return _matrix_product(x, y, labels, precision)
     if call and _products(labels, sizes) >= MIN_CALL and _terms(labels, sizes) > 1:
-        with set_xla_metadata(inlineable="false"):
+        with not_inlined():
             return _unrolled_call(x, y, labels=labels)
     return unrolled(x, y, labels=labels)
 
@@ -94,6 +93,24 @@ def unrolled(x, y, *, labels: Labels):
         product = _spread(x, left, at, out, shape) * _spread(y, right, at, out, shape)
         total = product if total is None else total + product
     return jnp.zeros(shape, x.dtype) if total is None else total
+
+
+def _halves(x, y, labels: Labels, sizes):
+    """The operands cut in the middle of a sum, if both halves are then unrolled."""
+    left, right, _ = labels
+    summed = [i for i in left if i in right and i not in labels[2]]
+    if not summed or not _is_batched(labels):
+        return []
+    cut = max(summed, key=sizes.__getitem__)
+    half = sizes[cut] // 2
+    if not all(_unrolls(labels, sizes | {cut: n}) for n in (half, sizes[cut] - half)):
+        return []
+    parts = []
+    for begin, end in ((0, half), (half, sizes[cut])):
+        pair = (lax.slice_in_dim(v, begin, end, axis=group.index(cut))
+                for v, group in ((x, left), (y, right)))  # fmt: skip
+        parts.append(tuple(pair))
+    return parts
 
 
 _unrolled_call = jax.jit(unrolled, static_argnames="labels")
@@ -152,10 +169,14 @@ def _unrolls(labels: Labels, sizes) -> bool:
     left, right, out = labels
     if not out or _products(labels, sizes) > MAX_PRODUCTS:
         return False
-    both = out[-1] in left and out[-1] in right
     free = [math.prod(sizes[i] for i in out[:-1] if i not in other) for other in (right, left)]
     limit = MAX_TERMS_VECTOR if min(free) == 1 else MAX_TERMS
-    return _terms(labels, sizes) <= (limit if both else MAX_TERMS_SHARED)
+    return _terms(labels, sizes) <= (limit if _is_batched(labels) else MAX_TERMS_SHARED)
+
+
+def _is_batched(labels: Labels) -> bool:
+    """Whether both operands have lanes."""
+    return all(labels[2][-1] in group for group in labels[:2]) if labels[2] else False
 
 
 def _is_wide(dtype) -> bool:

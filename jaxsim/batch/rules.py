@@ -14,13 +14,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jax.experimental.xla_metadata import set_xla_metadata
 from jax.extend import core as jex
 
 from jaxsim.batch import contract, index, linalg
+from jaxsim.batch.fusion import computed, not_inlined
 from jaxsim.batch.pieces import Pieces
 
-MAX_SUM = 512  # terms of a sum that is written out, for one lane
+MAX_SUM = 8192  # terms of a sum that is written out, for one lane
 SUM_PARTS = 8  # parts that are added in one expression
 
 
@@ -83,14 +83,14 @@ def reduce_logical(operator, lanes, eqn, values, flags):
     axes = tuple(eqn.params["axes"])
     if not 0 < math.prod(values[0].shape[a] for a in axes) <= MAX_SUM:
         return same_axes(lanes, eqn, values, flags)
-    with set_xla_metadata(inlineable="false"):
+    with not_inlined():
         return [_written_out(values[0], axes=axes, operator=operator)]
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(1,))
 def _sum(x, axes: tuple[int, ...]):
     """Sum over some axes by elementwise additions, of an operand that is computed first."""
-    with set_xla_metadata(inlineable="false"):
+    with not_inlined():
         return _written_out(x, axes=axes)
 
 
@@ -144,24 +144,8 @@ def same_axes(lanes, eqn, values, flags):
 
 
 def computed_first(lanes, eqn, values, flags):
-    """A barrier ends a fusion; XLA's own is gone on a CPU before operations are fused."""
-    return [_computed(v) for v in _all(lanes, values, flags)]
-
-
-@jax.custom_jvp
-def _computed(x):
-    with set_xla_metadata(inlineable="false"):
-        return _identity(x)
-
-
-@_computed.defjvp
-def _computed_jvp(primals, tangents):
-    return _computed(*primals), tangents[0]
-
-
-@jax.jit
-def _identity(x):
-    return x
+    """A barrier that also works on a CPU."""
+    return [computed(v) for v in _all(lanes, values, flags)]
 
 
 def bitcast(lanes, eqn, values, flags):

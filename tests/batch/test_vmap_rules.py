@@ -139,6 +139,9 @@ def test_small_products_become_no_dot():
     gradient = jax.grad(lambda a, b: jnp.sum(vmap(jnp.matmul)(a, b) ** 2))
     assert "dot_general" not in jax.jit(gradient).lower(a, b).as_text()
     assert "dot_general" in text(jnp.matmul, _normal(40, 40), _normal(BATCH, 40), in_axes=(None, 0))
+    long, wide = _normal(BATCH, 9, 53), _normal(BATCH, 53, 9)  # a sum in two parts
+    assert "dot_general" not in text(jnp.matmul, long, wide)
+    np.testing.assert_allclose(vmap(jnp.matmul)(long, wide), long @ wide, atol=1e-12)
 
 
 def test_second_derivative_of_products():

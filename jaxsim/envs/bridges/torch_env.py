@@ -91,7 +91,9 @@ class TorchVectorEnv(GymnasiumVectorEnv):
 
     def _taken(self, actions: Any) -> jax.Array:
         # An array from elsewhere is bound to its device; the environments may be on several.
-        return jax.device_put(from_torch(actions), NamedSharding(self._mesh, PartitionSpec("batch")))
+        return jax.device_put(
+            from_torch(actions), NamedSharding(self._mesh, PartitionSpec("batch"))
+        )
 
     def _started(self, fresh: Batch, mask: np.ndarray):
         self._done = self._done & ~mask
