@@ -2,6 +2,7 @@
 
 import importlib.util
 import pathlib
+import warnings
 from collections.abc import Sequence
 
 import numpy as np
@@ -34,5 +35,8 @@ def write_video(frames: Sequence[np.ndarray], path: str | pathlib.Path, fps: flo
         imageio.imwrite(file, np.stack(frames), duration=max(20, 1000 / fps), loop=0)
         return file
     file = path.with_suffix(".mp4")
-    imageio.imwrite(file, np.stack(frames), fps=fps, macro_block_size=1)
+    with warnings.catch_warnings():
+        # JAX warns of any fork; this one goes on as ffmpeg at once.
+        warnings.filterwarnings("ignore", message=r"os\.fork", category=RuntimeWarning)
+        imageio.imwrite(file, np.stack(frames), fps=fps, macro_block_size=1)
     return file
