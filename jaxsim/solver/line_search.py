@@ -144,8 +144,10 @@ def _advance(line: Line, tolerance: Float[Array, ""], search: _Search) -> _Searc
     bisect = jnp.isfinite(high) & (slow | ~inside)
     proposal = jnp.where(bisect, middle, newton)
     # Nothing lies between the ends of a bracket as narrow as a unit of rounding, and nothing is
-    # to be gained in one along which the slope changes by no more than rounding.
-    narrow = (proposal <= low) | (proposal >= high) | ((high - low) * second <= rounding)
+    # to be gained in one along which the slope changes by less than it can be known: a fraction
+    # of `rounding`, which is a bound.
+    flat = (high - low) * second <= rounding / 8
+    narrow = (proposal <= low) | (proposal >= high) | flat
     done = search.done | (steepness <= jnp.maximum(tolerance, rounding)) | narrow
     return _Search(
         alpha=jnp.where(done, alpha, proposal),
