@@ -96,7 +96,7 @@ def compile_for(f: Callable, *args):
     """
     import jax
 
-    from jaxsim.batch.chunks import compiler_options
+    from jaxsim.batch.devices import compiler_options
 
     options = compiler_options(jax.default_backend())
     start = time.perf_counter()

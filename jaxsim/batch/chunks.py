@@ -43,14 +43,3 @@ def map_chunks(f: Callable, lanes: int, *trees: Any) -> Any:
     split = jax.tree.map(lambda x: x.reshape(count // lanes, lanes, *x.shape[1:]), trees)
     out = lax.map(lambda chunk: f(*chunk), split)
     return jax.tree.map(lambda x: x.reshape(count, *x.shape[2:]), out)
-
-
-def compiler_options(platform: str) -> dict[str, Any] | None:
-    """What suits many small kernels over long vectors; None for XLA's defaults.
-
-    XLA's own threads inside a kernel cost more than they give, devices are our threads. Vectors
-    as wide as the processor has them are 3 to 5 per cent faster than what LLVM prefers.
-    """
-    if platform != "cpu":
-        return None
-    return {"xla_cpu_multi_thread_eigen": False, "xla_cpu_prefer_vector_width": 512}

@@ -95,25 +95,25 @@ def unrolled(x, y, *, labels: Labels):
     return jnp.zeros(shape, x.dtype) if total is None else total
 
 
+_unrolled_call = jax.jit(unrolled, static_argnames="labels")
+
+
 def _halves(x, y, labels: Labels, sizes):
     """The operands cut in the middle of a sum, if both halves are then unrolled."""
-    left, right, _ = labels
-    summed = [i for i in left if i in right and i not in labels[2]]
+    left, right, out = labels
+    summed = [i for i in left if i not in out]
     if not summed or not _is_batched(labels):
         return []
     cut = max(summed, key=sizes.__getitem__)
-    half = sizes[cut] // 2
-    if not all(_unrolls(labels, sizes | {cut: n}) for n in (half, sizes[cut] - half)):
+    middle = sizes[cut] // 2
+    if not all(_unrolls(labels, sizes | {cut: n}) for n in (middle, sizes[cut] - middle)):
         return []
-    parts = []
-    for begin, end in ((0, half), (half, sizes[cut])):
-        pair = (lax.slice_in_dim(v, begin, end, axis=group.index(cut))
-                for v, group in ((x, left), (y, right)))  # fmt: skip
-        parts.append(tuple(pair))
-    return parts
-
-
-_unrolled_call = jax.jit(unrolled, static_argnames="labels")
+    ends = (0, middle), (middle, sizes[cut])
+    parts = (
+        [lax.slice_in_dim(v, *end, axis=group.index(cut)) for end in ends]
+        for v, group in ((x, left), (y, right))
+    )
+    return list(zip(*parts, strict=True))
 
 
 def _spread(value, labels: Sequence[int], at: dict[int, int], out: Sequence[int], shape):
@@ -176,7 +176,8 @@ def _unrolls(labels: Labels, sizes) -> bool:
 
 def _is_batched(labels: Labels) -> bool:
     """Whether both operands have lanes."""
-    return all(labels[2][-1] in group for group in labels[:2]) if labels[2] else False
+    left, right, out = labels
+    return bool(out) and out[-1] in left and out[-1] in right
 
 
 def _is_wide(dtype) -> bool:

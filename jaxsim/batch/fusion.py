@@ -16,7 +16,7 @@ def not_inlined():
 
 @jax.custom_jvp
 def computed(x):
-    """X itself, computed before it is used."""
+    """The same `x`, computed before it is used."""
     with not_inlined():
         return _identity(x)
 

@@ -6,12 +6,12 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax import lax
-from jax.sharding import Mesh, NamedSharding, PartitionSpec
+from jax.sharding import Mesh
 from jaxtyping import Array, Float
 
-from jaxsim.batch.chunks import chunk_lanes, compiler_options, map_chunks
+from jaxsim.batch.chunks import chunk_lanes, map_chunks
+from jaxsim.batch.devices import EVERYWHERE, SPLIT, device_mesh, parallel, shardings
 from jaxsim.batch.vmap import vmap
 from jaxsim.model import Model, State
 from jaxsim.step import step
@@ -42,13 +42,11 @@ def batch_rollout(
       ValueError: shapes do not fit together.
     """
     _check(model, states, ctrls)
-    devices = jax.local_devices()
-    count = len(devices)
+    mesh = device_mesh(jax.local_devices())
     batch = ctrls.shape[0]
-    padded = -(-batch // count) * count
-    mesh = Mesh(np.array(devices), ("batch",))
+    padded = -(-batch // mesh.size) * mesh.size
     pad = functools.partial(_pad, rows=padded - batch)
-    place = functools.partial(jax.device_put, device=NamedSharding(mesh, PartitionSpec("batch")))
+    place = functools.partial(jax.device_put, device=shardings(mesh, SPLIT))
     states, ctrls = jax.tree.map(lambda x: place(pad(x)), (states, ctrls))
     run = _compiled(observe, mesh)
     final, seen = run(model, states, ctrls)
@@ -61,7 +59,6 @@ def batch_rollout(
 @functools.lru_cache(maxsize=16)
 def _compiled(observe, mesh: Mesh):
     """The rollout of all chunks on all devices; one compilation for each model structure."""
-    spec, everywhere = PartitionSpec("batch"), PartitionSpec()
     platform = mesh.devices.flat[0].platform
 
     def shard(model, states, ctrls):
@@ -71,10 +68,7 @@ def _compiled(observe, mesh: Mesh):
             return vmap(one)(states, ctrls)
         return _chunked(vmap(one), states, ctrls, limit)
 
-    sharded = jax.shard_map(
-        shard, mesh=mesh, in_specs=(everywhere, spec, spec), out_specs=spec, check_vma=False
-    )
-    return jax.jit(sharded, compiler_options=compiler_options(platform))
+    return parallel(shard, mesh, (EVERYWHERE, SPLIT, SPLIT), SPLIT)
 
 
 def _rollout(model: Model, observe, state: State, ctrls: Float[Array, "T nu"]):

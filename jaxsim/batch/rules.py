@@ -20,7 +20,7 @@ from jaxsim.batch import contract, index, linalg
 from jaxsim.batch.fusion import computed, not_inlined
 from jaxsim.batch.pieces import Pieces
 
-MAX_SUM = 8192  # terms of a sum that is written out, for one lane
+MAX_REDUCED = 8192  # entries of one lane whose reduction is written out
 SUM_PARTS = 8  # parts that are added in one expression
 
 
@@ -73,7 +73,7 @@ def reduce_sum(lanes, eqn, values, flags):
     terms = math.prod(values[0].shape[a] for a in axes)
     if terms == 1:
         return [lax.squeeze(values[0], axes)]
-    if not 0 < terms <= MAX_SUM or not jnp.issubdtype(values[0].dtype, jnp.floating):
+    if not 0 < terms <= MAX_REDUCED or not jnp.issubdtype(values[0].dtype, jnp.floating):
         return same_axes(lanes, eqn, values, flags)
     return [_sum(values[0], axes)]
 
@@ -81,7 +81,7 @@ def reduce_sum(lanes, eqn, values, flags):
 def reduce_logical(operator, lanes, eqn, values, flags):
     """The same for what has no derivative."""
     axes = tuple(eqn.params["axes"])
-    if not 0 < math.prod(values[0].shape[a] for a in axes) <= MAX_SUM:
+    if not 0 < math.prod(values[0].shape[a] for a in axes) <= MAX_REDUCED:
         return same_axes(lanes, eqn, values, flags)
     with not_inlined():
         return [_written_out(values[0], axes=axes, operator=operator)]

@@ -11,10 +11,11 @@ import jax
 import jax.numpy as jnp
 import rich.console
 import rich.progress
-from jax.sharding import NamedSharding, PartitionSpec
+from jax.sharding import Mesh
 
 import jaxsim
-from jaxsim.batch.chunks import compiler_options, even_lanes, map_chunks
+from jaxsim.batch.chunks import even_lanes, map_chunks
+from jaxsim.batch.devices import EVERYWHERE, SPLIT, dividing_mesh, parallel, shardings
 from jaxsim.cli import UsageError
 from jaxsim.cli.report import note, report
 
@@ -52,7 +53,7 @@ def one_device_per_core() -> None:
 
 def simulate(model: jaxsim.Model, state: jaxsim.State, arguments: argparse.Namespace) -> Result:
     """Step all environments, a chunk at a time, and watch for those that diverge."""
-    mesh = jax.sharding.Mesh(_devices(arguments.envs), ("batch",))
+    mesh = dividing_mesh(arguments.envs)
     advance = compiled_chunk(model, arguments.ctrl, mesh)
     states, keys = initial_states(state, arguments.envs, arguments.seed, mesh)
     start = time.perf_counter()
@@ -75,7 +76,7 @@ def simulate(model: jaxsim.Model, state: jaxsim.State, arguments: argparse.Names
     return Result(states, mesh.size, compile_time, run_time, diverged, first_bad_step)
 
 
-def compiled_chunk(model: jaxsim.Model, ctrl: str, mesh: jax.sharding.Mesh) -> Callable:
+def compiled_chunk(model: jaxsim.Model, ctrl: str, mesh: Mesh) -> Callable:
     """The function `(states, keys, count) -> (states, keys, diverged)`, over all devices.
 
     It takes `count` steps of every environment; the number is not known when it is compiled, so
@@ -92,18 +93,7 @@ def compiled_chunk(model: jaxsim.Model, ctrl: str, mesh: jax.sharding.Mesh) -> C
         run = jaxsim.vmap(lambda state, key: advance(state, key, count))
         return map_chunks(run, even_lanes(model, keys.shape[0]), states, keys)
 
-    batch = PartitionSpec("batch")
-    mapped = jax.shard_map(
-        chunks,
-        mesh=mesh,
-        in_specs=(batch, batch, PartitionSpec()),
-        out_specs=batch,
-        check_vma=False,
-    )
-    options = compiler_options(mesh.devices[0].platform)
-    # Said explicitly, or arrays of size zero come back unsplit and the next call compiles again.
-    split = NamedSharding(mesh, batch)
-    return jax.jit(mapped, out_shardings=split, compiler_options=options)
+    return parallel(chunks, mesh, (SPLIT, SPLIT, EVERYWHERE), SPLIT)
 
 
 def _control(model, ctrl: str, key):
@@ -127,15 +117,8 @@ def _load(arguments: argparse.Namespace) -> tuple[jaxsim.Model, jaxsim.State]:
     return model, state
 
 
-def _devices(envs: int) -> list:
-    """As many devices as divide the batch evenly."""
-    devices = jax.devices()
-    return devices[: max(n for n in range(1, len(devices) + 1) if envs % n == 0)]
-
-
-def initial_states(state: jaxsim.State, envs: int, seed: int, mesh: jax.sharding.Mesh):
+def initial_states(state: jaxsim.State, envs: int, seed: int, mesh: Mesh):
     """States and random keys of all environments; velocities differ, positions do not."""
-    split = NamedSharding(mesh, PartitionSpec("batch"))
 
     def one(key):
         velocity, control = jax.random.split(key)
@@ -143,7 +126,7 @@ def initial_states(state: jaxsim.State, envs: int, seed: int, mesh: jax.sharding
         return state.replace(qvel=state.qvel + noise), control
 
     keys = jax.random.split(jax.random.key(seed), envs)
-    return jax.jit(jax.vmap(one), out_shardings=split)(keys)
+    return jax.jit(jax.vmap(one), out_shardings=shardings(mesh, SPLIT))(keys)
 
 
 def _progress() -> rich.progress.Progress:

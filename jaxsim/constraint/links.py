@@ -53,9 +53,9 @@ def scatter(x: Float[Array, "n ..."], links: Links, n: int) -> Float[Array, "njn
 
 def moves(tree: Forest, links: Links, dtype) -> Float[Array, "n nv"]:
     """1 where a degree of freedom moves the link, else 0."""
-    if links.traced is not None:
-        return jnp.asarray(tree.moves, dtype)[links.traced]
-    return jnp.asarray(tree.moves[np.array(links.static, int)], dtype)
+    if links.traced is None:
+        return jnp.asarray(tree.moves[np.array(links.static, int)], dtype)
+    return jnp.asarray(tree.moves, dtype)[links.traced]
 
 
 def _padded(x):

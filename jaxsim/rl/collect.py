@@ -11,8 +11,8 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxsim.batch import vmap
 from jaxsim.batch.chunks import even_lanes
+from jaxsim.batch.devices import AXIS
 from jaxsim.envs import Env, EnvState
-from jaxsim.rl.distributed import AXIS
 
 
 @struct.dataclass

@@ -9,8 +9,8 @@ from jax import lax
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Int
 
+from jaxsim.batch.devices import AXIS
 from jaxsim.rl.config import ConfigError
-from jaxsim.rl.distributed import AXIS
 
 
 class Adam:

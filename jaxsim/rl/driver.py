@@ -13,6 +13,7 @@ import jax.numpy as jnp
 from jax.sharding import Mesh
 
 from jaxsim import envs
+from jaxsim.batch.devices import device_mesh
 from jaxsim.rl import config, distributed, metrics
 from jaxsim.rl.algorithm import Algorithm
 from jaxsim.rl.checkpoint import CheckpointError, Checkpoints, read_run, write_run
@@ -200,7 +201,7 @@ class _Run:
 
     def __init__(self, env, algorithm, settings: config.TrainConfig, seed: int, mesh: Mesh | None):
         self.started = time.perf_counter()
-        self.mesh = distributed.device_mesh() if mesh is None else mesh
+        self.mesh = device_mesh() if mesh is None else mesh
         self.settings, self.seed = settings, seed
         name = algorithm_name(algorithm)
         self.title = f"{name} on {env if isinstance(env, str) else type(env.unwrapped).__name__}"

@@ -16,12 +16,12 @@ from flax import struct
 from jax import lax
 from jaxtyping import Array, Float
 
+from jaxsim.batch.devices import AXIS
 from jaxsim.envs import Env
 from jaxsim.rl.algorithm import Algorithm
 from jaxsim.rl.collect import Actors, Experience, collect
 from jaxsim.rl.config import ConfigError, NetworkConfig, TrainConfig
 from jaxsim.rl.descent import Adam, average, check_minibatches, keep_finite, minibatches
-from jaxsim.rl.distributed import AXIS
 from jaxsim.rl.gae import advantages
 from jaxsim.rl.networks import Gaussian, GaussianPolicy, Policy, Value
 from jaxsim.rl.normalize import LIMIT, RunningStatistics, discounted_returns

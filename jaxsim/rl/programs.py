@@ -7,11 +7,12 @@ from typing import Any
 
 import jax
 from jax import lax
-from jax.sharding import Mesh, PartitionSpec
+from jax.sharding import Mesh
 
+from jaxsim.batch.devices import AXIS, EVERYWHERE, parallel, shardings
 from jaxsim.envs import Env
 from jaxsim.rl.algorithm import Algorithm
-from jaxsim.rl.distributed import AXIS, SPECS, Training, parallel, shardings
+from jaxsim.rl.distributed import SPECS, Training
 from jaxsim.rl.evaluate import Evaluation, evaluate
 from jaxsim.rl.networks import Policy
 
@@ -50,17 +51,16 @@ def compile_all(env: Env, algorithm: Algorithm, seed: int, mesh: Mesh) -> Progra
         jax.eval_shape(start),
         _like(jax.eval_shape(start), shardings(mesh, SPECS)),
     )
-    everywhere = PartitionSpec()
     epoch = parallel(
-        lambda training: _epoch(algorithm, training), mesh, (SPECS,), (SPECS, everywhere), donate=0
+        lambda training: _epoch(algorithm, training), mesh, (SPECS,), (SPECS, EVERYWHERE), donate=0
     )
     judge = parallel(
         lambda learner: _evaluate(env, algorithm, seed, mesh.size, learner),
         mesh,
-        (everywhere,),
-        everywhere,
+        (EVERYWHERE,),
+        EVERYWHERE,
     )
-    policy = parallel(algorithm.policy, mesh, (everywhere,), everywhere)
+    policy = parallel(algorithm.policy, mesh, (EVERYWHERE,), EVERYWHERE)
     lowered = {
         "start": start.lower(),
         "epoch": epoch.lower(template),

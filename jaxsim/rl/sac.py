@@ -18,12 +18,12 @@ from flax import struct
 from jax import lax
 from jaxtyping import Array, Bool, Float
 
+from jaxsim.batch.devices import AXIS
 from jaxsim.envs import Env
 from jaxsim.rl.algorithm import Algorithm
 from jaxsim.rl.collect import Actors, Experience, collect
 from jaxsim.rl.config import ConfigError, NetworkConfig, TrainConfig
 from jaxsim.rl.descent import Adam, average, blend, keep_finite
-from jaxsim.rl.distributed import AXIS
 from jaxsim.rl.networks import MLP, Policy, TanhGaussianPolicy
 from jaxsim.rl.normalize import RunningStatistics
 

@@ -18,6 +18,7 @@ from flax import struct
 from jax import lax
 from jaxtyping import Array, Bool, Float
 
+from jaxsim.batch.devices import AXIS
 from jaxsim.envs import Env
 from jaxsim.rl.algorithm import Algorithm
 from jaxsim.rl.collect import Actors, Experience, collect
@@ -37,7 +38,6 @@ from jaxsim.rl.differentiable import (
     discounts,
     spread_episodes,
 )
-from jaxsim.rl.distributed import AXIS
 from jaxsim.rl.gae import advantages
 from jaxsim.rl.networks import Policy, TanhGaussianPolicy, Value
 from jaxsim.rl.normalize import RunningStatistics

@@ -7,9 +7,9 @@ import pytest
 from jax.sharding import Mesh, PartitionSpec
 
 from jaxsim import envs
+from jaxsim.batch.devices import device_mesh, parallel
 from jaxsim.rl import collect as module
 from jaxsim.rl.collect import collect, start_actors
-from jaxsim.rl.distributed import device_mesh, parallel
 
 STEPS, COUNT = 50, 6
 

@@ -10,8 +10,9 @@ from jax.sharding import Mesh
 from jaxtyping import Array, Bool, Float
 
 from jaxsim.batch import vmap
+from jaxsim.batch.devices import EVERYWHERE, SPLIT, parallel
 from jaxsim.envs.base import Env
-from jaxsim.envs.bridges.batch import Batch, reset_where, restart, sharded, step_all
+from jaxsim.envs.bridges.batch import Batch, reset_where, restart, step_all
 from jaxsim.envs.bridges.spaces import public_info
 
 
@@ -82,16 +83,17 @@ _MODES: dict[AutoresetMode, Callable] = {
 @functools.cache
 def compiled_start(mesh: Mesh) -> Callable:
     """`(env, keys) -> Batch` on the devices of the mesh."""
-    return sharded(start, mesh)
+    return parallel(start, mesh, (EVERYWHERE, SPLIT), SPLIT)
 
 
 @functools.cache
 def compiled_reset(mesh: Mesh) -> Callable:
     """`(env, batch, mask) -> Batch`; the batch given is used up."""
-    return sharded(reset_where, mesh, donate=(1,))
+    return parallel(reset_where, mesh, (EVERYWHERE, SPLIT, SPLIT), SPLIT, donate=1)
 
 
 @functools.cache
 def compiled_step(mesh: Mesh, mode: AutoresetMode) -> Callable:
     """`(env, batch, actions, done) -> (Batch, Outcome)`; the batch given is used up."""
-    return sharded(_MODES[mode], mesh, donate=(1,))
+    specs = EVERYWHERE, SPLIT, SPLIT, SPLIT
+    return parallel(_MODES[mode], mesh, specs, SPLIT, donate=1)

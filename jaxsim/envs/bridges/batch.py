@@ -10,19 +10,17 @@ the chain, so environment i of a batch has the same episodes as one environment 
 
 import functools
 import operator
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from flax import struct
 from jax import lax
-from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array, Bool, Float
 
 from jaxsim.batch import vmap
-from jaxsim.batch.chunks import compiler_options, even_lanes, map_chunks
+from jaxsim.batch.chunks import even_lanes, map_chunks
 from jaxsim.envs.base import Env, EnvState
 
 RESET_LANES = 64  # environments that are reset together
@@ -100,27 +98,3 @@ def step_all(env: Env, states: EnvState, actions: Float[Array, "n nu"]) -> EnvSt
     step = vmap(functools.partial(guarded_step, env))
     lanes = even_lanes(env.unwrapped.model, actions.shape[0])
     return map_chunks(step, lanes, states, actions)
-
-
-def mesh_for(num_envs: int) -> Mesh:
-    """As many devices as divide the batch evenly."""
-    devices = jax.local_devices()
-    count = max(n for n in range(1, len(devices) + 1) if num_envs % n == 0)
-    return Mesh(np.array(devices[:count]), ("batch",))
-
-
-def sharded(f: Callable, mesh: Mesh, donate: tuple[int, ...] = ()) -> Callable:
-    """Compile `f(env, *batched)`, its batched arguments and results split over the mesh."""
-    batch, everywhere = PartitionSpec("batch"), PartitionSpec()
-
-    def program(env, *batched):
-        specs = (everywhere, *(batch for _ in batched))
-        split: Any = jax.shard_map(f, mesh=mesh, in_specs=specs, out_specs=batch, check_vma=False)
-        return split(env, *batched)
-
-    return jax.jit(
-        program,
-        donate_argnums=donate,
-        out_shardings=NamedSharding(mesh, batch),
-        compiler_options=compiler_options(mesh.devices.flat[0].platform),
-    )

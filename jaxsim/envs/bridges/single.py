@@ -7,6 +7,7 @@ import gymnasium
 import jax
 import numpy as np
 
+from jaxsim.batch.devices import compiler_options
 from jaxsim.envs.base import Env, EnvState
 from jaxsim.envs.bridges import batch, render, spaces
 from jaxsim.envs.registry import make
@@ -111,7 +112,7 @@ def _info(state: EnvState) -> dict[str, Any]:
 
 @functools.cache
 def _compiled(f):
-    return jax.jit(f, compiler_options=batch.compiler_options(jax.default_backend()))
+    return jax.jit(f, compiler_options=compiler_options(jax.default_backend()))
 
 
 def _restart(env, key):

@@ -10,6 +10,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from jaxsim.batch.devices import dividing_mesh
 from jaxsim.envs.base import Env, EnvState
 from jaxsim.envs.bridges import autoreset, batch, render
 from jaxsim.envs.bridges.spaces import action_space, observation_space, public_info, vector_info
@@ -73,7 +74,7 @@ class GymnasiumVectorEnv(VectorEnv):
         self.single_action_space = action_space(env)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._mesh = batch.mesh_for(num_envs)
+        self._mesh = dividing_mesh(num_envs)
         self._batch: batch.Batch | None = None
         self._done = np.zeros(num_envs, bool)
         self._frames = render.frames(env, width, height, camera) if render_mode else None

@@ -1,0 +1,59 @@
+"""One program on all devices, each of which has its part of the batch."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
+
+AXIS = "batch"
+SPLIT, EVERYWHERE = PartitionSpec(AXIS), PartitionSpec()
+
+
+def device_mesh(devices: Sequence[jax.Device] | None = None) -> Mesh:
+    """Devices in a row: those given, or all of all processes."""
+    return Mesh(np.array(jax.devices() if devices is None else devices), (AXIS,))
+
+
+def dividing_mesh(batch: int) -> Mesh:
+    """As many devices of this process as divide the batch evenly."""
+    devices = jax.local_devices()
+    return device_mesh(devices[: max(n for n in range(1, len(devices) + 1) if batch % n == 0)])
+
+
+def compiler_options(platform: str) -> dict[str, Any] | None:
+    """What suits many small kernels over long vectors; None for XLA's defaults.
+
+    XLA's own threads inside a kernel cost more than they give, devices are our threads. Vectors
+    as wide as the processor has them are 3 to 5 per cent faster than what LLVM prefers.
+    """
+    if platform != "cpu":
+        return None
+    return {"xla_cpu_multi_thread_eigen": False, "xla_cpu_prefer_vector_width": 512}
+
+
+def parallel(f: Callable, mesh: Mesh, in_specs: Any, out_specs: Any, donate: Any = ()) -> Callable:
+    """Compile a function of one device's part for all devices.
+
+    Args:
+      f: the function; collectives along `AXIS` are allowed.
+      mesh: the devices.
+      in_specs: how the arguments are split, as for `jax.shard_map`.
+      out_specs: the same for the results.
+      donate: indices of arguments whose memory may be used for the results.
+    """
+    mapped = jax.shard_map(f, mesh=mesh, in_specs=in_specs, out_specs=out_specs, check_vma=False)
+    return jax.jit(
+        mapped,
+        # Said explicitly, or arrays of size zero come back unsplit and must be compiled for anew.
+        out_shardings=shardings(mesh, out_specs),
+        donate_argnums=donate,
+        compiler_options=compiler_options(mesh.devices.flat[0].platform),
+    )
+
+
+def shardings(mesh: Mesh, specs: Any) -> Any:
+    """The shardings of a tree of partition specs."""
+    is_spec = lambda x: isinstance(x, PartitionSpec)  # noqa: E731
+    return jax.tree.map(lambda spec: NamedSharding(mesh, spec), specs, is_leaf=is_spec)

@@ -1,0 +1,98 @@
+"""Each kind of rows agrees with its own matrix: applied, transposed and in `J^T W J`."""
+
+import jax
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+import pytest
+
+import jaxsim
+from jaxsim.constraint.jacobian import DenseRows, DofRows, link_rows
+from jaxsim.dynamics.tree import accumulate_outward, sum_by
+
+TREE = """
+<mujoco><worldbody>
+  <body><freejoint/><geom size=".1"/>
+    <body pos=".2 0 0"><joint axis="0 1 0"/><geom size=".1"/></body>
+    <body pos="-.2 0 0"><joint type="ball"/><geom size=".1"/></body></body>
+  <body pos="0 0 1"><joint/><geom size=".1"/></body>
+</worldbody></mujoco>
+"""
+COUNT = 7
+
+
+def dof_rows(rng, tree):
+    rows = DofRows(jnp.asarray(rng.standard_normal(COUNT)), tuple(rng.integers(0, tree.nv, COUNT)))
+    return rows, np.asarray(rows.scale)[:, None] * np.eye(tree.nv)[list(rows.dof)]
+
+
+def dense_rows(rng, tree):
+    J = rng.standard_normal((COUNT, tree.nv))
+    return DenseRows(jnp.asarray(J)), J
+
+
+def rows_of_links(first, rng, tree, cdof):
+    links = np.array([first(rng, len(tree)), rng.integers(-1, len(tree), COUNT)])
+    G = rng.standard_normal((2, COUNT, 3, 6))
+    one = lambda k: (G[k] @ cdof.T) * tree.moves[links[k]][:, None]  # noqa: E731
+    rows = link_rows(links[0], jnp.asarray(G[0]), links[1], jnp.asarray(G[1]))
+    return rows, one(1) - one(0)
+
+
+@pytest.fixture(scope="module")
+def tree():
+    return jaxsim.load(mujoco.MjModel.from_xml_string(TREE)).tree
+
+
+def agrees(rows, J, tree, cdof, rng):
+    """Products with x, f and diagonal W, once J is flattened to a matrix."""
+    close = lambda x, y: np.testing.assert_allclose(x, y, rtol=1e-13, atol=1e-12)  # noqa: E731
+    close(rows.dense(tree, jnp.asarray(cdof)), J)
+    x, f = rng.standard_normal(tree.nv), rng.standard_normal(J.shape[:-1])
+    a = accumulate_outward(tree, sum_by(jnp.asarray(cdof * x[:, None]), tree.dof_node, len(tree)))
+    close(rows.apply(jnp.asarray(x), a), J @ x)
+    flat = J.reshape(-1, tree.nv)
+    close(full_force(tree, cdof, rows.pull(tree, jnp.asarray(f))), flat.T @ f.ravel())
+    return flat, np.abs(f)
+
+
+def full_force(tree, cdof, pulled):
+    """Generalised forces of both results of `pull`."""
+    force, wrench = (np.zeros(1) if part is None else np.asarray(part) for part in pulled)
+    if wrench.ndim == 1:
+        return force
+    return force + np.einsum("lv,vi,li->v", np.asarray(tree.moves)[:-1], cdof, wrench)
+
+
+@pytest.mark.parametrize("make", [dof_rows, dense_rows])
+def test_rows_of_degrees_of_freedom(tree, make):
+    rng = np.random.default_rng(0)
+    with jax.enable_x64(True):
+        cdof = rng.standard_normal((tree.nv, 6))
+        rows, J = make(rng, tree)
+        flat, w = agrees(rows, J, tree, cdof, rng)
+        diagonal, matrices = rows.curvature(tree, jnp.asarray(w))
+        np.testing.assert_allclose(diagonal, np.diag(flat.T * w @ flat), rtol=1e-13)
+        assert matrices is None
+
+
+@pytest.mark.parametrize("first", ["the world", "some", "all move"])
+def test_rows_of_two_links(tree, first):
+    choose = {
+        "the world": lambda rng, n: np.full(COUNT, -1),
+        "some": lambda rng, n: rng.integers(-1, n, COUNT),
+        "all move": lambda rng, n: rng.integers(0, n, COUNT),
+    }[first]
+    rng = np.random.default_rng(1)
+    with jax.enable_x64(True):
+        cdof = rng.standard_normal((tree.nv, 6))
+        rows, J = rows_of_links(choose, rng, tree, cdof)
+        assert rows.coupled == (first != "the world")
+        flat, w = agrees(rows, J, tree, cdof, rng)
+        matrices = rows.curvature(tree, jnp.asarray(w))[1]
+        axes = cdof[None] * np.asarray(tree.moves)[:-1, :, None]
+        got = np.einsum("lvi,lij,lwj->vw", axes, matrices, axes)
+        sides = [rows.replace(sides=(s,)).dense(tree, jnp.asarray(cdof)) for s in rows.sides]
+        parts = [np.asarray(s).reshape(flat.shape) for s in sides]
+        expected = sum(s.T * w.ravel() @ s for s in parts)
+        np.testing.assert_allclose(got, expected, rtol=1e-12, atol=1e-11)
