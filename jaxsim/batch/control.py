@@ -136,21 +136,21 @@ class _Loop:
 
 def _go_on(lanes, loop: _Loop, few: int, active, consts, carry) -> list:
     """The rest of a loop in which at most `few` lanes are active, with only so many lanes."""
-    order = jnp.argsort(~active)  # stable: the active ones first
-    chosen = order[:few]
+    place = jnp.where(active, jnp.cumsum(active) - 1, few)
+    lane = lax.iota(place.dtype, lanes.size)
+    # Places that are left over repeat lane 0, and nobody looks at them.
+    chosen = jnp.zeros(few, place.dtype).at[place].set(lane, mode="drop")
 
     def take(values, flags):
         return [
-            jnp.take(v, chosen, axis=-1, mode="clip", unique_indices=True) if on else v
+            jnp.take(v, chosen, axis=-1, mode="clip") if on else v
             for v, on in zip(values, flags, strict=True)
         ]
 
     fewer = dataclasses.replace(lanes, size=few)
     _, new = loop.run(fewer, take(consts, loop.const_flags), take(carry, loop.carry_flags), 0)
-    place = jnp.argsort(order)
-    inside = place < few
     return [
-        _select(inside, [old, jnp.take(n, place, axis=-1, mode="clip")]) if on else n
+        _select(active, [old, jnp.take(n, place, axis=-1, mode="clip")]) if on else n
         for n, old, on in zip(new, carry, loop.carry_flags, strict=True)
     ]
 

@@ -102,9 +102,17 @@ def _sum_jvp(axes, primals, tangents):
 
 @functools.partial(jax.jit, static_argnames=("axes", "operator"))
 def _written_out(x, *, axes: tuple[int, ...], operator=lax.add):
-    for axis in sorted(axes, reverse=True):
-        x = lax.squeeze(_reduced(x, axis, operator), [axis])
+    for first, last in reversed(_runs(axes)):
+        x = x.reshape(*x.shape[:first], -1, *x.shape[last + 1 :])
+        x = lax.squeeze(_reduced(x, first, operator), [first])
     return x
+
+
+def _runs(axes: Sequence[int]) -> list[tuple[int, int]]:
+    """First and last of the axes that follow each other."""
+    runs = itertools.groupby(enumerate(sorted(axes)), lambda place: place[1] - place[0])
+    runs = [[axis for _, axis in run] for _, run in runs]
+    return [(run[0], run[-1]) for run in runs]
 
 
 def _reduced(x, axis: int, operator):
