@@ -27,6 +27,7 @@ from jax.interpreters import ad, batching, mlir
 
 from jaxsim.batch import params
 from jaxsim.batch.fusion import not_inlined
+from jaxsim.batch.transposed import Transposed
 
 MAX_TERMS = 32  # of one unrolled sum, both operands batched
 MAX_TERMS_VECTOR = 64  # the same where the result has at most as many entries as an operand
@@ -47,9 +48,12 @@ def dot_general(lanes, eqn, values, flags):
         return None
     left, right, out = _labels(p["dimension_numbers"], [v.aval.ndim for v in eqn.invars])
     lane = len(left) + len(right)
-    labels = left + (lane,) * flags[0], right + (lane,) * flags[1], (*out, lane)
+    groups = [left + (lane,) * flags[0], right + (lane,) * flags[1]]
+    for i, v in enumerate(values):
+        if isinstance(v, Transposed):
+            values[i], groups[i] = v.array, v.labels(groups[i])
     x, y = (lax.convert_element_type(v, dtypes[-1]) for v in values)
-    return [contract(x, y, labels, p["precision"])]
+    return [contract(x, y, (*groups, (*out, lane)), p["precision"])]
 
 
 def nested(lanes, eqn, values, flags):

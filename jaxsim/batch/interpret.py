@@ -16,13 +16,16 @@ from jax.extend import core as jex
 
 from jaxsim.batch import control, custom, flow, params, rules
 from jaxsim.batch.pieces import Pieces
+from jaxsim.batch.transposed import Transposed
 
 RULES: dict[str, Callable] = {**rules.RULES, **control.RULES, **custom.RULES}
+# What is put off until its use is known, and the one use that takes it as it is.
+PUT_OFF = {Pieces: "add_any", Transposed: "dot_general"}
 
 
 def whole(value):
-    """An array, also where the sum of its parts was put off."""
-    return value.assemble() if isinstance(value, Pieces) else value
+    """An array, also where putting it together was put off."""
+    return value.assemble() if type(value) in PUT_OFF else value
 
 
 def _atoms(jaxpr):
@@ -59,8 +62,7 @@ class Lanes:
         for eqn in jaxpr.eqns:
             operands = [look_up(v) for v in eqn.invars]
             xs, on = [v for v, _ in operands], [f for _, f in operands]
-            if eqn.primitive.name != "add_any":
-                xs = [whole(x) for x in xs]
+            xs = [x if PUT_OFF.get(type(x)) == eqn.primitive.name else whole(x) for x in xs]
             out = flow.equation_flags(eqn, on)
             results = [
                 x if uses[v] == 1 else whole(x)
@@ -98,6 +100,6 @@ class Lanes:
         results = None if rule is None else rule(self, eqn, values, flags)
         if results is None:
             axes = [-1 if f else None for f in flags]
-            one_lane = params.rebind(eqn)
-            results = jax.vmap(one_lane, axes, -1, axis_size=self.size)(*values)
+            one_lane = jax.vmap(params.rebind(eqn), axes, -1, axis_size=self.size)
+            results = one_lane(*(whole(x) for x in values))
         return results

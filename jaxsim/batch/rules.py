@@ -19,6 +19,7 @@ from jax.extend import core as jex
 from jaxsim.batch import contract, index, linalg
 from jaxsim.batch.fusion import computed, not_inlined
 from jaxsim.batch.pieces import Pieces
+from jaxsim.batch.transposed import Transposed
 
 MAX_REDUCED = 8192  # entries of one lane whose reduction is written out
 SUM_PARTS = 8  # parts that are added in one expression
@@ -183,7 +184,7 @@ def reshape(lanes, eqn, values, flags):
 def transpose(lanes, eqn, values, flags):
     """The lane axis stays last."""
     order = tuple(eqn.params["permutation"])
-    return [lax.transpose(values[0], (*order, len(order)))]
+    return [Transposed(values[0], (*order, len(order)))]
 
 
 def slice_(lanes, eqn, values, flags):

@@ -128,6 +128,18 @@ def test_products(subscripts, left, right):
     _each_sharing(f, _normal(BATCH, *left), _normal(BATCH, *right), thorough=left == (2, 3))
 
 
+def test_products_of_transposes():
+    """Used once, twice, as a result, with three axes, and where the product has no rule."""
+
+    def f(x, y, z):
+        twice = y.T
+        half = x.T.astype(jnp.float16) @ y.T.astype(jnp.float16)
+        turned = jnp.tensordot(jnp.transpose(z, (2, 0, 1)), x.T, ((0, 1), (1, 0)))
+        return [x.T @ y.T, twice @ x.T, twice, turned, half.astype(x.dtype)]
+
+    _each_sharing(f, _normal(BATCH, 3, 4), _normal(BATCH, 4, 3), _normal(BATCH, 4, 5, 3))
+
+
 def test_small_products_become_no_dot():
     """Which is where the speed on a CPU comes from; large ones with a shared operand do."""
 
