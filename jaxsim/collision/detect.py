@@ -93,7 +93,7 @@ def _closest(model: Any, group: PairGroup, shapes: Shape, count: int):
     excess = bound(first, second) - lax.stop_gradient(contact_margin(model, *ids))
     largest, chosen = lax.top_k(-excess, count)
     lost = jnp.sum(excess < 0) - jnp.sum(largest > 0)
-    return tuple(jnp.asarray(i)[chosen] for i in ids), lost
+    return tuple(_take_ids(i, chosen) for i in ids), lost
 
 
 def _deepest(model: Any, slots: _Slots, count: int) -> tuple[_Slots, Int[Array, ""] | int]:
@@ -106,7 +106,7 @@ def _deepest(model: Any, slots: _Slots, count: int) -> tuple[_Slots, Int[Array, 
     largest, chosen = lax.top_k(-excess, count)
     kept = _Slots(
         jax.tree.map(lambda x: x[chosen], slots.contacts),
-        *(jnp.asarray(i)[chosen] for i in (slots.geom1, slots.geom2, slots.pair)),
+        *(_take_ids(i, chosen) for i in (slots.geom1, slots.geom2, slots.pair)),
     )
     return kept, jnp.sum(excess < 0) - jnp.sum(largest > 0)
 
@@ -123,6 +123,13 @@ def _join_ids(ids: list[Index]) -> Index:
     # Static ids stay static, so that the solver can choose its structure from them.
     static = all(isinstance(i, np.ndarray) for i in ids)
     return np.concatenate(ids) if static else jnp.concatenate(ids)
+
+
+def _take_ids(ids: Index, chosen: Int[Array, "n"]) -> Index:
+    """Static where all are the same, say of the ground: the solver then knows what never moves."""
+    if isinstance(ids, np.ndarray) and len(set(ids.tolist())) == 1:
+        return np.full(chosen.shape[0], ids[0])
+    return jnp.asarray(ids)[chosen]
 
 
 def _empty(dtype) -> _Slots:

@@ -1,8 +1,7 @@
 """Contact rows: frictionless, pyramidal and elliptic.
 
 In the contact frame a relative motion has a normal, two sliding, one spinning and two rolling
-components; `condim` says how many of them are constrained. A pyramid has two edges for each
-direction of friction, `normal +- mu tangent`, each of which may only push.
+components; `condim` says how many of them are constrained, and each of these is a row.
 """
 
 import jax
@@ -17,7 +16,7 @@ from jaxsim.constraint.contact_rows import contact_rows
 from jaxsim.constraint.impedance import MIN_VALUE, response
 from jaxsim.constraint.scene import Scene
 from jaxsim.dynamics.tree import take
-from jaxsim.solver import EllipticCone, Unilateral
+from jaxsim.solver import EllipticCone, PyramidalCone, Unilateral
 
 ELLIPTIC = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
 
@@ -42,21 +41,8 @@ def contact_forces(scene: Scene, contact: Contact, forces: list[Array]) -> Float
     parts = [jnp.zeros((0, 6), contact.dist.dtype)]
     blocks = [b for b in contact.blocks if b.stop > b.start]
     for b, rows in zip(blocks, forces, strict=True):
-        friction = contact.friction[b.slots, : b.condim - 1]
-        wrench = _decoded(rows, friction) if _pyramidal(scene, b.condim) else rows
-        parts.append(jnp.pad(wrench, ((0, 0), (0, 6 - b.condim))))
+        parts.append(jnp.pad(rows, ((0, 0), (0, 6 - b.condim))))
     return jnp.concatenate(parts)
-
-
-def _pyramidal(scene: Scene, condim: int) -> bool:
-    return condim > 1 and scene.model.opt.cone != ELLIPTIC
-
-
-def _decoded(rows, friction):
-    """Forces along the contact frame from the forces along the pyramid's edges."""
-    pairs = rows.reshape(len(rows), -1, 2)
-    tangents = friction * (pairs[:, :, 0] - pairs[:, :, 1])
-    return jnp.concatenate([rows.sum(1)[:, None], tangents], axis=1)
 
 
 def _slots(contact: Contact, slots: slice):
@@ -74,13 +60,12 @@ def _block(scene: Scene, contact: Contact, condim: int) -> Block:
     first, second = (_values(model.body_invweight0, b) for b in bodies)
     weight = first + second
     violation = contact.dist - contact.includemargin
-    pyramidal = _pyramidal(scene, condim)
-    mu = contact.friction[:, : condim - 1] if pyramidal else None
     arms = [_arms(scene, contact.pos, link) for link in links]
-    jacobian = contact_rows(contact.frame, mu, condim, arms, links)
+    jacobian = contact_rows(contact.frame, condim, arms, links)
     velocity = scene.velocity(jacobian)
-    rows = _pyramidal_rows if pyramidal else _elliptic_rows
-    make = jax.vmap(lambda *a: rows(model.opt, condim, *a))
+    pyramidal = condim > 1 and model.opt.cone != ELLIPTIC
+    cone = _pyramidal_cone if pyramidal else _elliptic_cone
+    make = jax.vmap(lambda *a: cone(model.opt, condim, *a))
     kind = make(
         violation,
         velocity,
@@ -110,19 +95,20 @@ def _arms(scene: Scene, pos: Float[Array, "n 3"], link) -> Float[Array, "n 3"]:
     return pos - _values(origins, link % max(len(origins), 1))
 
 
-def _pyramidal_rows(
+def _pyramidal_cone(
     opt, condim, violation, velocity, weight, friction, solref, _, solimp
-) -> Unilateral:
+) -> PyramidalCone:
     """All edges share one regularisation, that of the elliptic cone's friction."""
     r = response(opt, solref, solimp, violation)
     active = violation < 0
     mu = friction[0] / jnp.sqrt(jnp.maximum(opt.impratio, MIN_VALUE))
     R = 2 * mu * mu * r.regularisation(weight * (1 + friction[0] * friction[0]))
-    aref = jnp.where(active, r.reference(velocity, violation), 0.0)
-    return Unilateral(aref=aref, D=jnp.broadcast_to(inverse_where(active, R), aref.shape))
+    aref = jnp.concatenate([r.reference(velocity[:1], violation), r.reference(velocity[1:], 0.0)])
+    aref = jnp.where(active, aref, 0.0)
+    return PyramidalCone(aref=aref, D=inverse_where(active, R), mu=friction[: condim - 1])
 
 
-def _elliptic_rows(
+def _elliptic_cone(
     opt, condim, violation, velocity, weight, friction, solref, solreffriction, solimp
 ) -> EllipticCone:
     """Normal and friction rows; friction only damps, with its own reference if it has one."""
@@ -130,8 +116,9 @@ def _elliptic_rows(
     own = (solreffriction != 0).any() & ((solreffriction[0] > 0) == (solreffriction[1] > 0))
     tangent = response(opt, jnp.where(own, solreffriction, solref), solimp, violation)
     active = violation < 0
-    aref = -jnp.concatenate([normal.damping * velocity[:1], tangent.damping * velocity[1:]])
-    aref = aref.at[0].add(-normal.stiffness * normal.impedance * violation)
+    aref = jnp.concatenate(
+        [normal.reference(velocity[:1], violation), tangent.reference(velocity[1:], 0.0)]
+    )
     friction = friction[: condim - 1]
     R0 = normal.regularisation(weight)
     R1 = R0 / jnp.maximum(opt.impratio, MIN_VALUE)

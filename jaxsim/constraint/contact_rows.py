@@ -33,18 +33,15 @@ class ContactRows:
     """The relative motion of two links at n contacts that have the same dimension.
 
     In the contact frame it has a normal, two sliding, one spinning and two rolling components, of
-    which `condim` are rows. A pyramid has two rows for each direction of friction instead, its
-    edges `normal +- mu tangent`.
+    which `condim` are rows.
 
     Attributes:
       frame: (n, 3, 3) rows are the normal and two tangents.
-      mu: (n, condim - 1) coefficients of a pyramid's directions, None without a pyramid.
       sides: the links that may move.
       condim: number of components, static.
     """
 
     frame: Float[Array, "n 3 3"]
-    mu: Float[Array, "n condim-1"] | None
     sides: tuple[Side, ...]
     condim: int = struct.field(pytree_node=False)
 
@@ -53,16 +50,13 @@ class ContactRows:
         """Whether two links that both move may meet in one contact."""
         return len(self.sides) == 2
 
-    def apply(self, x, a: Float[Array, "njnt 6"]) -> Float[Array, "n rows"]:
+    def apply(self, x, a: Float[Array, "njnt 6"]) -> Float[Array, "n condim"]:
         """Relative accelerations `J x` from those of the links, `a`."""
         parts = [s.sign * jax.vmap(_at_point)(gather(a, s.link), s.arm) for s in self.sides]
-        rows = jax.vmap(self._components)(self.frame, sum(parts[1:], parts[0]))
-        return rows if self.mu is None else jax.vmap(_edges)(rows, self.mu)
+        return jax.vmap(self._components)(self.frame, sum(parts[1:], parts[0]))
 
-    def pull(self, tree: Forest, force: Float[Array, "n rows"]):
+    def pull(self, tree: Forest, force: Float[Array, "n condim"]):
         """Wrenches on the links that add up to `J^T f`, and no generalised forces."""
-        if self.mu is not None:
-            force = jax.vmap(_along_components)(force, self.mu)
         wrench = jax.vmap(self._wrench)(self.frame, force)
         parts = [
             s.sign * scatter(jax.vmap(_about_reference)(wrench, s.arm), s.link, len(tree))
@@ -75,11 +69,9 @@ class ContactRows:
 
         Args:
           tree: the links.
-          W: diagonal, (n, rows), or in blocks, (n, rows, rows).
+          W: diagonal, (n, condim), or in blocks, (n, condim, condim).
         """
-        if self.mu is not None:
-            W = jax.vmap(_edge_stiffness)(W, self.mu)
-        elif W.ndim == 2:
+        if W.ndim == 2:
             W = jax.vmap(jnp.diag)(W)
         stiffness = jax.vmap(self._stiffness)(self.frame, W)
         parts = []
@@ -89,7 +81,7 @@ class ContactRows:
             parts.append(jax.vmap(_joined)(*blocks))
         return None, sum(parts[1:], parts[0])
 
-    def dense(self, tree: Forest, cdof: Float[Array, "nv 6"]) -> Float[Array, "n rows nv"]:
+    def dense(self, tree: Forest, cdof: Float[Array, "nv 6"]) -> Float[Array, "n condim nv"]:
         """J as a matrix, tree order."""
         masks = [s.sign * moves(tree, s.link, cdof.dtype) for s in self.sides]
         arms = [s.arm for s in self.sides]
@@ -98,9 +90,7 @@ class ContactRows:
         axes = jax.vmap(jax.vmap(_at_point, in_axes=(0, None)), in_axes=(None, 0))
         parts = [axes(cdof, arm) * mask[:, :, None] for arm, mask in zip(arms, masks, strict=True)]
         components = jax.vmap(jax.vmap(self._components, in_axes=(None, 0), out_axes=1))
-        rows = components(self.frame, sum(parts[1:], parts[0]))
-        edges = jax.vmap(jax.vmap(_edges, in_axes=(1, None), out_axes=1))
-        return rows if self.mu is None else edges(rows, self.mu)
+        return components(self.frame, sum(parts[1:], parts[0]))
 
     def _components(self, frame, motion):
         """The rows of a motion (angular, linear) at the contact point."""
@@ -125,12 +115,11 @@ class ContactRows:
         return linear, A.T @ (W[3:, :3] @ F), A.T @ (W[3:, 3:] @ A)
 
 
-def contact_rows(frame, mu, condim: int, arms, links) -> ContactRows:
+def contact_rows(frame, condim: int, arms, links) -> ContactRows:
     """Rows of the contacts, without the links that never move.
 
     Args:
       frame: (n, 3, 3) contact frames.
-      mu: coefficients of the pyramids, or None.
       condim: dimension of the contacts.
       arms: contact points from the reference points of the first and of the second links.
       links: first and second links in tree order, -1 for what does not move; numpy if static.
@@ -140,7 +129,7 @@ def contact_rows(frame, mu, condim: int, arms, links) -> ContactRows:
         for arm, link, sign in zip(arms, links, (-1.0, 1.0), strict=True)
     ]
     moving = [side for side in sides if side.link.may_move]
-    return ContactRows(frame, mu, tuple(moving or sides[1:]), condim)
+    return ContactRows(frame, tuple(moving or sides[1:]), condim)
 
 
 def _at_point(twist, arm):
@@ -153,29 +142,6 @@ def _about_reference(wrench, arm):
     """A wrench at the contact point, about the reference point."""
     torque, force = wrench[:3], wrench[3:]
     return jnp.concatenate([torque + jnp.cross(arm, force), force])
-
-
-def _edges(rows, mu):
-    """The pyramid's edges `normal +- mu tangent` from the components."""
-    tangent = mu * rows[1:]
-    return (rows[0] + jnp.stack([tangent, -tangent], axis=1)).reshape(-1)
-
-
-def _along_components(edges, mu):
-    """The transpose of `_edges`: forces along the components from those along the edges."""
-    pairs = edges.reshape(-1, 2)
-    return jnp.concatenate([edges.sum()[None], mu * (pairs[:, 0] - pairs[:, 1])])
-
-
-def _edge_stiffness(w, mu):
-    """`E^T diag(w) E`, with E that of `_edges`."""
-    pairs = w.reshape(-1, 2)
-    total = mu * mu * (pairs[:, 0] + pairs[:, 1])
-    mixed = mu * (pairs[:, 0] - pairs[:, 1])
-    first = jnp.concatenate([w.sum()[None], mixed])
-    return jnp.concatenate(
-        [first[None], jnp.concatenate([mixed[:, None], jnp.diag(total)], axis=1)]
-    )
 
 
 def _shifted(stiffness, arm):

@@ -8,6 +8,7 @@ from jaxsim.solver.newton import Solution, SolverStatus, solve
 from jaxsim.solver.operator import Operator
 from jaxsim.solver.pcg import hessian_product, pcg, pcg_solve
 from jaxsim.solver.problem import Kind, Problem
+from jaxsim.solver.pyramidal_cone import PyramidalCone
 from jaxsim.solver.quadratic import Quadratic
 from jaxsim.solver.unilateral import Unilateral
 
@@ -19,6 +20,7 @@ __all__ = [
     "Kind",
     "Operator",
     "Problem",
+    "PyramidalCone",
     "Quadratic",
     "Solution",
     "SolverStatus",

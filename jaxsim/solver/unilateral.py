@@ -1,4 +1,4 @@
-"""Rows that may only push: joint limits, frictionless contacts, edges of friction pyramids."""
+"""Rows that may only push: joint and tendon limits, frictionless contacts."""
 
 import jax.numpy as jnp
 from flax import struct

@@ -5,9 +5,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsim.solver import EllipticCone, Huber, Quadratic, Unilateral
+from jaxsim.solver import EllipticCone, Huber, PyramidalCone, Quadratic, Unilateral
 
 NAMES = ["quadratic", "unilateral", "huber", "cone3", "cone4", "cone6"]
+NAMES += ["pyramid3", "pyramid4", "pyramid6"]
 
 
 @pytest.fixture
@@ -19,8 +20,12 @@ def block(request, x64, random_cone):
         "unilateral": lambda: Unilateral(aref, D),
         "huber": lambda: Huber(aref, D, floss),
     }
-    name = request.param
-    return kinds[name]() if name in kinds else random_cone(0, 40, int(name[-1]))
+    name, dim = request.param, request.param[-1]
+    if name.startswith("pyramid"):
+        shape = 40, int(dim)
+        friction = rng.uniform(0.3, 2, size=(40, int(dim) - 1))
+        return PyramidalCone(jnp.asarray(rng.normal(size=shape)), D, jnp.asarray(friction))
+    return kinds[name]() if name in kinds else random_cone(0, 40, int(dim))
 
 
 every_kind = pytest.mark.parametrize("block", NAMES, indirect=True)
@@ -109,6 +114,29 @@ def test_forces_lie_in_the_friction_cone(x64, random_cone):
     reach = np.sqrt(((f[:, 1:] / block.friction) ** 2).sum(-1))
     assert (f[:, 0] >= 0).all()
     assert (reach <= f[:, 0] * (1 + 1e-9) + 1e-12).all()
+
+
+@pytest.mark.parametrize("dim", [3, 4, 6])
+def test_a_pyramid_is_its_edges(x64, dim):
+    """Each edge is a row of its own that may only push, with a Jacobian made of the contact's."""
+    rng = np.random.default_rng(dim)
+    n, mu = 30, rng.uniform(0, 2, size=(30, dim - 1))
+    aref, D = rng.normal(size=(n, dim)), rng.uniform(0.5, 2, size=n)
+    E = np.zeros((n, 2 * (dim - 1), dim))
+    E[:, :, 0] = 1
+    for j in range(dim - 1):
+        E[:, 2 * j, j + 1], E[:, 2 * j + 1, j + 1] = mu[:, j], -mu[:, j]
+    pyramid = PyramidalCone(*(jnp.asarray(a) for a in (aref, D, mu)))
+    along = lambda r: jnp.einsum("nej,nj->ne", E, r)  # noqa: E731
+    edges = Unilateral(along(aref), jnp.broadcast_to(D[:, None], E.shape[:2]))
+    r, step = residual(pyramid), residual(pyramid, 1)
+    close = lambda x, y: np.testing.assert_allclose(x, y, rtol=1e-12, atol=1e-12)  # noqa: E731
+    close(pyramid.cost(r), edges.cost(along(r)))
+    close(pyramid.change(r, step), edges.change(along(r), along(step)))
+    close(pyramid.slopes(r, step), edges.slopes(along(r), along(step)))
+    close(pyramid.force(r), jnp.einsum("nej,ne->nj", E, edges.force(along(r))))
+    W = edges.curvature(along(r))
+    close(pyramid.curvature(r), jnp.einsum("nei,ne,nej->nij", E, W, E))
 
 
 def test_the_cone_is_smooth_across_its_zones(x64, random_cone):

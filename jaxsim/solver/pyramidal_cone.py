@@ -1,0 +1,87 @@
+"""Contacts with pyramidal friction cones.
+
+A contact has d rows: the normal, then d - 1 directions of friction. The pyramid has two edges for
+each direction,
+
+    e = r[0] + mu[j] r[j]   and   e = r[0] - mu[j] r[j],
+
+and each edge may only push, with cost `1/2 D min(e, 0)^2` (MuJoCo documentation, "Computation").
+MuJoCo makes the edges its rows. With the normal and the directions as rows instead, there are d
+and not 2 (d - 1) of them, the same as for an elliptic cone, and forces are forces.
+"""
+
+import jax
+import jax.numpy as jnp
+from flax import struct
+from jaxtyping import Array, Float
+
+
+@struct.dataclass
+class PyramidalCone:
+    """Cost of n contacts of one dimension d in {3, 4, 6}.
+
+    Attributes:
+        aref: Reference acceleration; the residual is `r = J x - aref`. Normal first.
+        D: Inverse regularisation `1 / R >= 0` of every edge. A contact with `D = 0` contributes
+            nothing.
+        mu: Friction coefficients of the rows 1 to d - 1, `>= 0`.
+    """
+
+    aref: Float[Array, "n d"]
+    D: Float[Array, "n"]
+    mu: Float[Array, "n d-1"]
+
+    def cost(self, r: Float[Array, "n d"]) -> Float[Array, ""]:
+        """Total cost of the contacts at the residual r."""
+        plus, minus = (jnp.minimum(e, 0) for e in self._edges(r))
+        return 0.5 * jnp.sum(self.D[:, None] * (plus * plus + minus * minus))
+
+    def force(self, r: Float[Array, "n d"]) -> Float[Array, "n d"]:
+        """Force `-ds/dr` of every contact, inside its friction pyramid."""
+        plus, minus = (-self.D[:, None] * jnp.minimum(e, 0) for e in self._edges(r))
+        normal = jnp.sum(plus + minus, axis=1, keepdims=True)
+        return jnp.concatenate([normal, self.mu * (plus - minus)], axis=1)
+
+    def curvature(self, r: Float[Array, "n d"]) -> Float[Array, "n d d"]:
+        """Hessian of the cost of every contact, positive semidefinite."""
+        plus, minus = self._stiffness(r)
+        total = plus + minus
+        mixed = self.mu * (plus - minus)
+        top = jnp.concatenate([jnp.sum(total, axis=1, keepdims=True), mixed], axis=1)
+        rest = jax.vmap(jnp.diag)(self.mu * self.mu * total)
+        below = jnp.concatenate([mixed[:, :, None], rest], axis=2)
+        return jnp.concatenate([top[:, None], below], axis=1)
+
+    def slopes(
+        self, r: Float[Array, "n d"], v: Float[Array, "n d"]
+    ) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """First and second derivative of the cost at r along v."""
+        edges, speeds = self._edges(r), self._edges(v)
+        dv = [w * u for w, u in zip(self._stiffness(r), speeds, strict=True)]
+        first = dv[0] * edges[0] + dv[1] * edges[1]
+        second = dv[0] * speeds[0] + dv[1] * speeds[1]
+        return jnp.sum(first), jnp.sum(second)
+
+    def change(self, r: Float[Array, "n d"], step: Float[Array, "n d"]) -> Float[Array, ""]:
+        """`cost(r + step) - cost(r)` without the cancellation of that difference.
+
+        See `Unilateral.change`, of which this is the sum over the edges.
+        """
+        plus, minus = map(_change, self._edges(r), self._edges(step))
+        return 0.5 * jnp.sum(self.D[:, None] * (plus + minus))
+
+    def _edges(self, r):
+        """Residuals (n, d - 1) of the edges on either side."""
+        tangent = self.mu * r[:, 1:]
+        return r[:, :1] + tangent, r[:, :1] - tangent
+
+    def _stiffness(self, r):
+        """Second derivatives of the cost along the edges."""
+        return [jnp.where(e < 0, self.D[:, None], 0.0) for e in self._edges(r)]
+
+
+def _change(e, step):
+    """Twice the change of `1/2 min(e, 0)^2`."""
+    end = e + step
+    before, after = jnp.minimum(e, 0), jnp.minimum(end, 0)
+    return (before + after) * step + (after - before) * ((e - before) + (end - after))
