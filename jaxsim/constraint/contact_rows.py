@@ -7,6 +7,7 @@ coefficients say all, and `J^T W J` is summed as three 3x3 matrices for each lin
 import jax
 import jax.numpy as jnp
 from flax import struct
+from jax import lax
 from jaxtyping import Array, Float
 
 from jaxsim.constraint.links import Links, gather, moves, scatter
@@ -153,6 +154,7 @@ def _shifted(stiffness, arm):
     lower = jnp.cross(arm[None], linear)  # K X; its rows are arm x the rows of K
     if mixed is not None:
         lower = lower + mixed.T
+    lower = lax.optimization_barrier(lower)  # used twice
     upper = jnp.cross(arm[:, None], lower, axis=0)
     if mixed is not None:
         upper = upper + jnp.cross(arm[None], mixed) + angular

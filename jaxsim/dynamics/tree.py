@@ -134,25 +134,25 @@ def sum_by(x: jax.Array, group: np.ndarray, n: int) -> jax.Array:
     starts = np.concatenate([[0], np.nonzero(np.diff(size))[0] + 1, [n]]) if n else np.zeros(1, int)
     if len(starts) > _MAX_SLICES:
         return jnp.zeros((n, *x.shape[1:]), x.dtype).at[group].add(x)
-    x = take(x, np.argsort(group, kind="stable"))
+    rows = np.argsort(group, kind="stable")
     parts, row = [x[:0]], 0
     for first, last in itertools.pairwise(starts.tolist()):
-        n_groups, n_rows = last - first, int(size[first])
-        parts.append(_sums(x, row, n_groups, n_rows))
-        row += n_groups * n_rows
+        members = rows[row : row + (last - first) * int(size[first])].reshape(last - first, -1)
+        parts.append(_sums(x, members))
+        row += members.size
     return jnp.concatenate(parts)
 
 
-def _sums(x, row: int, n: int, size: int):
-    """(n, ...) sums of n groups of equal size, whose rows follow each other from `row` on."""
+def _sums(x: jax.Array, members: np.ndarray) -> jax.Array:
+    """(n, ...) sums of the rows of `x` that each of n groups of equal size has."""
+    n, size = members.shape
+    if size > _MAX_TERMS:
+        return take(x, members.ravel()).reshape(n, size, *x.shape[1:]).sum(1)
     if size == 0:
         return jnp.zeros((n, *x.shape[1:]), x.dtype)
-    block = x[row : row + n * size].reshape(n, size, *x.shape[1:])
-    if size > _MAX_TERMS:
-        return block.sum(1)
-    total = block[:, 0]
+    total = take(x, members[:, 0])
     for k in range(1, size):
-        total = total + block[:, k]
+        total = total + take(x, members[:, k])
     return total
 
 
