@@ -5,6 +5,7 @@ derivatives that `jax.jvp` and `jax.vjp` find for the original call, evaluated f
 So nothing needs to be known about how the original rule is stored.
 """
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -24,6 +25,24 @@ def custom_call(lanes, eqn, values, flags):
         return None
     wrap = with_jvp if form.kind == "jvp" else with_vjp
     return wrap(lanes, eqn, flags, lambda *xs: lanes.evaluate_full(form.body, xs, flags))(*values)
+
+
+def linear_solve(lanes, eqn, values, flags):
+    """A solve whose derivatives are solves: each of its programs runs for all lanes."""
+    form = params.read(eqn)
+    if form is None:
+        return None
+    first = sum(form.counts.values())
+    b = [lanes.materialise(v, f) for v, f in zip(values[first:], flags[first:], strict=True)]
+    begin, programs = 0, {}
+    for name, body in form.parts.items():
+        end = begin + form.counts[name]
+        on = [*flags[begin:end], *[True] * len(b)]
+        if body is not None:
+            run = functools.partial(lanes.evaluate_full, body, flags=on)
+            programs[name] = jax.make_jaxpr(lambda *xs, run=run: run(xs))(*values[begin:end], *b)
+        begin = end
+    return eqn.primitive.bind(*values[:first], *b, **form.replace(programs))
 
 
 def with_jvp(lanes, eqn, flags, batched: Callable) -> Callable:
@@ -119,4 +138,7 @@ def _no_tangent(x):
     return np.zeros(x.shape, jax.dtypes.float0)
 
 
-RULES = {"custom_jvp_call": custom_call, "custom_vjp_call": custom_call}
+RULES = {
+    **dict.fromkeys(("custom_jvp_call", "custom_vjp_call"), custom_call),
+    **dict.fromkeys(("custom_linear_solve", "linear_solve"), linear_solve),
+}

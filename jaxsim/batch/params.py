@@ -75,6 +75,21 @@ class Custom:
     kind: str
 
 
+@dataclass(frozen=True)
+class LinearSolve:
+    """`lax.custom_linear_solve`: operands are the constants of each program, then b.
+
+    Attributes:
+      parts: the programs by name; one that is missing has no constants and is None.
+      counts: number of constants of each.
+      replace: from new programs to the parameters of the primitive.
+    """
+
+    parts: dict[str, Program | None]
+    counts: dict[str, int]
+    replace: Callable[[dict], dict]
+
+
 def program(jaxpr) -> Program:
     """Accept an open jaxpr, a closed one, or the one type that jax 0.12 has for both."""
     return Program(getattr(jaxpr, "jaxpr", jaxpr), tuple(getattr(jaxpr, "consts", ())))
@@ -103,6 +118,13 @@ def _cond(p):
     return Cond(tuple(program(b) for b in p["branches"]))
 
 
+def _linear_solve(p):
+    kinds, counts = p["jaxprs"], p["const_lengths"]
+    parts = {k: v if v is None else program(v) for k, v in kinds._asdict().items()}
+    replace = lambda new: {**p, "jaxprs": kinds._replace(**new)}  # noqa: E731
+    return LinearSolve(parts, {k: getattr(counts, k) or 0 for k in parts}, replace)
+
+
 _READERS: dict[str, Callable[[dict], Any]] = {
     "scan": _scan,
     "while": _while,
@@ -112,6 +134,8 @@ _READERS: dict[str, Callable[[dict], Any]] = {
     "closed_call": lambda p: Jit(program(p["call_jaxpr"]), "closed_call"),
     "remat2": lambda p: Remat(program(p["jaxpr"])),
     "checkpoint": lambda p: Remat(program(p["jaxpr"])),
+    "custom_linear_solve": _linear_solve,
+    "linear_solve": _linear_solve,
     "custom_jvp_call": lambda p: Custom(program(p["call_jaxpr"]), "jvp"),
     "custom_vjp_call": lambda p: Custom(program(p["call_jaxpr"]), "vjp"),
 }
