@@ -6,17 +6,21 @@ from typing import Any
 import jax
 from jax import lax
 
+from jaxsim.collision import find_candidates
 from jaxsim.model import Model
 
-# The working set of a chunk should stay in a CPU's second-level cache: this many links in all
-# lanes together, within limits below which the vectors are too short and above which nothing
-# is gained.
+# The working set of a chunk should stay in a CPU's second-level cache: this many links, of which a
+# contact counts as two, in all lanes together, within limits below which the vectors are too short
+# and above which nothing is gained.
 CACHED_LINKS, MIN_LANES, MAX_LANES = 16384, 64, 256
+VECTOR = 16  # numbers of a processor's vector; other lanes are left over, and slow
 
 
 def chunk_lanes(model: Model) -> int:
     """How many environments of a model a CPU should step together."""
-    return max(MIN_LANES, min(MAX_LANES, CACHED_LINKS // max(model.njnt, 1)))
+    contacts = find_candidates(model, model.max_geom_pairs, model.max_contacts).ncon
+    lanes = CACHED_LINKS // max(model.njnt + 2 * contacts, 1) // VECTOR * VECTOR
+    return max(MIN_LANES, min(MAX_LANES, lanes))
 
 
 def even_lanes(model: Model, count: int) -> int:

@@ -10,7 +10,7 @@ from jax import lax
 from jax.sharding import Mesh
 from jaxtyping import Array, Float
 
-from jaxsim.batch.chunks import chunk_lanes, map_chunks
+from jaxsim.batch.chunks import VECTOR, chunk_lanes, map_chunks
 from jaxsim.batch.devices import EVERYWHERE, SPLIT, device_mesh, parallel, shardings
 from jaxsim.batch.vmap import vmap
 from jaxsim.model import Model, State
@@ -80,10 +80,10 @@ def _rollout(model: Model, observe, state: State, ctrls: Float[Array, "T nu"]):
 
 
 def _chunked(f, states, ctrls, limit: int):
-    """`lax.map` over equal chunks; the last one is filled up with copies."""
+    """`lax.map` over equal chunks of whole vectors; the last one is filled up with copies."""
     lanes = ctrls.shape[0]
     chunks = -(-lanes // limit)
-    size = -(-lanes // chunks)
+    size = -(-lanes // (chunks * VECTOR)) * VECTOR
     padded = jax.tree.map(lambda x: _pad(x, chunks * size - lanes), (states, ctrls))
     return jax.tree.map(lambda x: x[:lanes], map_chunks(f, size, *padded))
 

@@ -10,7 +10,7 @@ from flax import struct
 from jax import lax
 from jaxtyping import Array, Float
 
-from jaxsim.constraint.links import Links, gather, moves, scatter
+from jaxsim.constraint.links import Links, add_at, gather, moves
 from jaxsim.model.topology import Forest
 
 
@@ -56,31 +56,22 @@ class ContactRows:
         parts = [s.sign * jax.vmap(_at_point)(gather(a, s.link), s.arm) for s in self.sides]
         return jax.vmap(self._components)(self.frame, sum(parts[1:], parts[0]))
 
-    def pull(self, tree: Forest, force: Float[Array, "n condim"]):
-        """Wrenches on the links that add up to `J^T f`, and no generalised forces."""
-        wrench = jax.vmap(self._wrench)(self.frame, force)
-        parts = [
-            s.sign * scatter(jax.vmap(_about_reference)(wrench, s.arm), s.link, len(tree))
-            for s in self.sides
-        ]
-        return None, sum(parts[1:], parts[0])
+    def add_force(self, f: Float[Array, "n condim"], force, wrench: Float[Array, "njnt 6"]):
+        """Wrenches on the links only."""
+        pushes = jax.vmap(self._wrench)(self.frame, f)
+        for s in self.sides:
+            wrench = add_at(wrench, s.link, s.sign * jax.vmap(_about_reference)(pushes, s.arm))
+        return force, wrench
 
-    def curvature(self, tree: Forest, W: Array):
-        """Link matrices (njnt, 6, 6) of `J^T W J`, coupling left out, and no diagonal.
-
-        Args:
-          tree: the links.
-          W: diagonal, (n, condim), or in blocks, (n, condim, condim).
-        """
+    def add_curvature(self, W: Array, diagonal, matrix: Float[Array, "njnt 6 6"]):
+        """Link matrices of each side by itself; W is diagonal or in blocks (n, condim, condim)."""
         if W.ndim == 2:
             W = jax.vmap(jnp.diag)(W)
         stiffness = jax.vmap(self._stiffness)(self.frame, W)
-        parts = []
         for s in self.sides:
             blocks = jax.vmap(_shifted)(stiffness, s.arm)
-            blocks = jax.tree.map(lambda b, s=s: scatter(b, s.link, len(tree)), blocks)
-            parts.append(jax.vmap(_joined)(*blocks))
-        return None, sum(parts[1:], parts[0])
+            matrix = add_at(matrix, s.link, blocks, lambda blocks: _joined(*blocks))
+        return diagonal, matrix
 
     def dense(self, tree: Forest, cdof: Float[Array, "nv 6"]) -> Float[Array, "n condim nv"]:
         """J as a matrix, tree order."""

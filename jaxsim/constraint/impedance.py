@@ -34,7 +34,7 @@ class Response:
     damping: Float[Array, ""]
     impedance: Float[Array, ""]
 
-    def reference(self, velocity: Float[Array, "..."], violation: Float[Array, "..."]) -> Array:
+    def reference(self, velocity: Float[Array, "..."], violation: Array | float) -> Array:
         """Reference acceleration `-b v - k d r`."""
         return -self.damping * velocity - self.stiffness * self.impedance * violation
 

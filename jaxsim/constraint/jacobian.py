@@ -14,7 +14,7 @@ import numpy as np
 from flax import struct
 from jaxtyping import Array, Float
 
-from jaxsim.constraint.links import Links, gather, moves, scatter
+from jaxsim.constraint.links import Links, add_at, gather, moves
 from jaxsim.dynamics.tree import sum_by, take
 from jaxsim.model.topology import Forest
 
@@ -26,12 +26,12 @@ class Jacobian(Protocol):
         """`J x`."""
         ...
 
-    def pull(self, tree: Forest, force: Array) -> tuple[Array | None, Array | None]:
-        """Generalised forces (nv,) and link wrenches (njnt, 6) that add up to `J^T f`."""
+    def add_force(self, f: Array, force: Array, wrench: Array) -> tuple[Array, Array]:
+        """Generalised forces (nv,) and wrenches on the links (njnt, 6), with `J^T f` added."""
         ...
 
-    def curvature(self, tree: Forest, W: Array) -> tuple[Array | None, Array | None]:
-        """Diagonal (nv,) and link matrices (njnt, 6, 6) of `J^T W J`, coupling left out."""
+    def add_curvature(self, W: Array, diagonal: Array, matrix: Array) -> tuple[Array, Array]:
+        """A diagonal (nv,) and link matrices (njnt, 6, 6), with `J^T W J` added, uncoupled."""
         ...
 
     def dense(self, tree: Forest, cdof: Float[Array, "nv 6"]) -> Array:
@@ -40,7 +40,7 @@ class Jacobian(Protocol):
 
     @property
     def coupled(self) -> bool:
-        """Whether `curvature` leaves anything out."""
+        """Whether `add_curvature` leaves anything out."""
         ...
 
 
@@ -62,13 +62,14 @@ class DofRows:
         """`scale * x[dof]`."""
         return self.scale * take(x, np.array(self.dof, int))
 
-    def pull(self, tree, force):
+    def add_force(self, f, force, wrench):
         """Generalised forces only."""
-        return sum_by(self.scale * force, np.array(self.dof, int), tree.nv), None
+        return force + sum_by(self.scale * f, np.array(self.dof, int), len(force)), wrench
 
-    def curvature(self, tree, W):
+    def add_curvature(self, W, diagonal, matrix):
         """A diagonal, and exact."""
-        return sum_by(self.scale * self.scale * W, np.array(self.dof, int), tree.nv), None
+        weight = self.scale * self.scale * W
+        return diagonal + sum_by(weight, np.array(self.dof, int), len(diagonal)), matrix
 
     def dense(self, tree, cdof):
         """One entry per row."""
@@ -88,13 +89,13 @@ class DenseRows:
         """`J x`."""
         return self.J @ x
 
-    def pull(self, tree, force):
+    def add_force(self, f, force, wrench):
         """Generalised forces only."""
-        return self.J.T @ force, None
+        return force + self.J.T @ f, wrench
 
-    def curvature(self, tree, W):
+    def add_curvature(self, W, diagonal, matrix):
         """The diagonal of `J^T W J`."""
-        return jnp.sum(W[:, None] * self.J * self.J, axis=0), None
+        return diagonal + jnp.sum(W[:, None] * self.J * self.J, axis=0), matrix
 
     def dense(self, tree, cdof):
         """J itself."""
@@ -121,15 +122,17 @@ class LinkRows:
         """Relative accelerations, (n, d)."""
         return self._sum(lambda G, link: jax.vmap(jnp.matmul)(G, gather(a, link)))
 
-    def pull(self, tree, force):
+    def add_force(self, f, force, wrench):
         """Wrenches on the links only."""
-        wrench = jax.vmap(lambda G, f: f @ G)
-        return None, self._sum(lambda G, link: scatter(wrench(G, force), link, len(tree)))
+        for G, link in self.sides:
+            wrench = add_at(wrench, link, jax.vmap(jnp.matmul)(f, G))
+        return force, wrench
 
-    def curvature(self, tree, W):
+    def add_curvature(self, W, diagonal, matrix):
         """`G^T W G` of each side by itself; W is diagonal, (n, d)."""
-        sandwich = jax.vmap(lambda G, w: G.T @ (w[:, None] * G))
-        return None, self._sum(lambda G, link: scatter(sandwich(G, W), link, len(tree)))
+        for G, link in self.sides:
+            matrix = add_at(matrix, link, jax.vmap(lambda G, w: G.T @ (w[:, None] * G))(G, W))
+        return diagonal, matrix
 
     def dense(self, tree, cdof):
         """Rows times the motion axes of the degrees of freedom that move each link."""

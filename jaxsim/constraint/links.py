@@ -1,6 +1,7 @@
 """The links on which constraint rows act: values for each row, and sums over the rows of a link."""
 
 import dataclasses
+from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
@@ -42,13 +43,22 @@ def gather(x: Float[Array, "njnt ..."], links: Links) -> Float[Array, "n ..."]:
     return take(_padded(x), np.where(index < 0, len(x), index))
 
 
-def scatter(x: Float[Array, "n ..."], links: Links, n: int) -> Float[Array, "njnt ..."]:
-    """Sums over the rows of each of `n` links; what does not move is dropped."""
+def add_at(total: Float[Array, "njnt ..."], links: Links, x, form: Callable = lambda x: x):
+    """`total` plus `form(x)` of each row at its link; what does not move is dropped.
+
+    Args:
+      total: one entry for each link.
+      links: link of each row.
+      x: pytree of rows.
+      form: linear function from a row, or a sum of rows, to an entry of `total`.
+    """
     if links.traced is not None:
-        return jnp.zeros((n + 1, *x.shape[1:]), x.dtype).at[links.traced].add(x)[:n]
+        index = jnp.where(links.traced < 0, len(total), links.traced)
+        return total.at[index].add(jax.vmap(form)(x), mode="drop")
     index = np.array(links.static, int)
     (moving,) = np.nonzero(index >= 0)
-    return sum_by(take(x, moving), index[moving], n)
+    sums = jax.tree.map(lambda a: sum_by(take(a, moving), index[moving], len(total)), x)
+    return total + jax.vmap(form)(sums)
 
 
 def moves(tree: Forest, links: Links, dtype) -> Float[Array, "n nv"]:

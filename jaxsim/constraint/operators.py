@@ -98,9 +98,7 @@ class TreeOperator:
         """`J^T f - M dx`."""
         wrench, force = -dy.p, -self.armature * dy.x
         for J, f in zip(self.jacobians, forces, strict=True):
-            dof, link = J.pull(self.tree, f)
-            force = force if dof is None else force + dof
-            wrench = wrench if link is None else wrench + link
+            force, wrench = J.add_force(f, force, wrench)
         return force + tree_force(self.tree, self.cdof, wrench)
 
     def solve(self, curvatures: Rows, r: Float[Array, "nv"]) -> TreePoint:
@@ -108,9 +106,7 @@ class TreeOperator:
         matrix = jax.vmap(lambda inertia: inertia.as_matrix())(self.inertia)
         diagonal = self.armature
         for J, W in zip(self.jacobians, curvatures, strict=True):
-            dof, link = J.curvature(self.tree, W)
-            diagonal = diagonal if dof is None else diagonal + dof
-            matrix = matrix if link is None else matrix + link
+            diagonal, matrix = J.add_curvature(W, diagonal, matrix)
 
         def articulated(force):
             return articulated_solve(self.tree, self.cdof, matrix, diagonal, force)

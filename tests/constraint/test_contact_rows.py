@@ -66,13 +66,15 @@ def test_products_with_the_jacobian(condim, diagonal, trees, ground, static):
         rate = sum_by(jnp.asarray(cdof * x[:, None]), tree.dof_node, len(tree))
         close(rows.apply(None, accumulate_outward(tree, rate)), J @ x)
 
-        wrench = rows.pull(tree, jnp.asarray(f))[1]
+        start = jnp.ones((len(tree), 6))
+        wrench = rows.add_force(jnp.asarray(f), None, start)[1] - start
         close(_dofs(tree, cdof, wrench), np.einsum("nrv,nr->v", J, f))
 
         W = np.einsum("nij,nkj->nik", *2 * [rng.standard_normal((*J.shape[:2], J.shape[1]))])
         if diagonal:
             W = np.abs(f)
-        matrix = rows.curvature(tree, jnp.asarray(W))[1]
+        start = jnp.ones((len(tree), 6, 6))
+        matrix = rows.add_curvature(jnp.asarray(W), None, start)[1] - start
         full = W if W.ndim == 3 else np.stack([np.diag(w) for w in W])
         expected = sum(
             np.einsum("nrv,nrs,nsw->vw", one, full, one)

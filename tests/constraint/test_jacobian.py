@@ -52,16 +52,10 @@ def agrees(rows, J, tree, cdof, rng):
     a = accumulate_outward(tree, sum_by(jnp.asarray(cdof * x[:, None]), tree.dof_node, len(tree)))
     close(rows.apply(jnp.asarray(x), a), J @ x)
     flat = J.reshape(-1, tree.nv)
-    close(full_force(tree, cdof, rows.pull(tree, jnp.asarray(f))), flat.T @ f.ravel())
+    force, wrench = rows.add_force(jnp.asarray(f), jnp.ones(tree.nv), jnp.zeros((len(tree), 6)))
+    force = force - 1 + np.einsum("lv,vi,li->v", np.asarray(tree.moves)[:-1], cdof, wrench)
+    close(force, flat.T @ f.ravel())
     return flat, np.abs(f)
-
-
-def full_force(tree, cdof, pulled):
-    """Generalised forces of both results of `pull`."""
-    force, wrench = (np.zeros(1) if part is None else np.asarray(part) for part in pulled)
-    if wrench.ndim == 1:
-        return force
-    return force + np.einsum("lv,vi,li->v", np.asarray(tree.moves)[:-1], cdof, wrench)
 
 
 @pytest.mark.parametrize("make", [dof_rows, dense_rows])
@@ -71,9 +65,9 @@ def test_rows_of_degrees_of_freedom(tree, make):
         cdof = rng.standard_normal((tree.nv, 6))
         rows, J = make(rng, tree)
         flat, w = agrees(rows, J, tree, cdof, rng)
-        diagonal, matrices = rows.curvature(tree, jnp.asarray(w))
-        np.testing.assert_allclose(diagonal, np.diag(flat.T * w @ flat), rtol=1e-13)
-        assert matrices is None
+        diagonal, same = rows.add_curvature(jnp.asarray(w), jnp.ones(tree.nv), None)
+        np.testing.assert_allclose(diagonal - 1, np.diag(flat.T * w @ flat), rtol=1e-12)
+        assert same is None
 
 
 @pytest.mark.parametrize("first", ["the world", "some", "all move"])
@@ -89,7 +83,8 @@ def test_rows_of_two_links(tree, first):
         rows, J = rows_of_links(choose, rng, tree, cdof)
         assert rows.coupled == (first != "the world")
         flat, w = agrees(rows, J, tree, cdof, rng)
-        matrices = rows.curvature(tree, jnp.asarray(w))[1]
+        start = jnp.ones((len(tree), 6, 6))
+        matrices = rows.add_curvature(jnp.asarray(w), None, start)[1] - start
         axes = cdof[None] * np.asarray(tree.moves)[:-1, :, None]
         got = np.einsum("lvi,lij,lwj->vw", axes, matrices, axes)
         sides = [rows.replace(sides=(s,)).dense(tree, jnp.asarray(cdof)) for s in rows.sides]
