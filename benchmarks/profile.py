@@ -2,9 +2,9 @@
 
 Programs of growing length are compiled for one batch, each giving out the sum of all that the next
 stage needs, and timed in turn on one thread; a stage costs the difference between two of them. The
-compiler fuses across stages, so that small differences are noise, and the sums cost time, too: what
-the whole step does without them may come out below zero at the end. A primer on simulation for
-robots puts collision at 30-50, the solver at 20-40 and dynamics at 10-20 per cent, without a source.
+compiler fuses across stages, so that small differences are noise, and the sums cost time, too: as
+the whole step does without them, the last stage may come out below zero. A primer on simulation
+puts collision at 30-50, the solver at 20-40 and dynamics at 10-20 per cent, without a source.
 """
 
 import argparse
@@ -97,11 +97,11 @@ def _draw(figure, rows) -> None:
     axes = figure.subplots()
     names, bottom = [row["model"] for row in rows], [0.0] * len(rows)
     for stage in STAGES:
-        shares = [row[f"{stage} %"] for row in rows]
+        shares = [max(row[f"{stage} %"], 0) for row in rows]
         axes.bar(names, shares, bottom=bottom, label=stage)
         bottom = [a + b for a, b in zip(bottom, shares, strict=True)]
     axes.set(ylabel="per cent of a step")
-    axes.legend(fontsize=7)
+    axes.legend(fontsize=7, loc="upper left", bbox_to_anchor=(1, 1))
 
 
 if __name__ == "__main__":
