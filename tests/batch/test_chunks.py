@@ -1,11 +1,12 @@
 """Batches in chunks: sizes that divide, and results in the order of the batch."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import jaxsim
-from jaxsim.batch.chunks import MIN_LANES, chunk_lanes, even_lanes, map_chunks
+from jaxsim.batch.chunks import MIN_LANES, VECTOR, chunk_lanes, even_lanes, map_chunks
 
 
 @pytest.fixture(scope="module")
@@ -19,7 +20,28 @@ def test_even_lanes(model, count, lanes):
 
 
 def test_large_models_come_in_small_chunks():
-    assert chunk_lanes(jaxsim.load("chain")) >= MIN_LANES
+    few, many = (chunk_lanes(jaxsim.load(_spheres(n))) for n in (2, 60))
+    assert MIN_LANES <= many < few
+    assert few % VECTOR == many % VECTOR == 0
+
+
+def _spheres(count):
+    one = '<body pos="{} 0 1"><freejoint/><geom size=".1" conaffinity="2"/></body>'
+    balls = "".join(one.format(i) for i in range(count))
+    return f'<mujoco><worldbody><geom type="plane" size="1 1 1"/>{balls}</worldbody></mujoco>'
+
+
+@pytest.mark.parametrize("batch", [257, 400])
+def test_rollouts_in_chunks(batch):
+    """A batch that fills no chunks gives the same as its parts."""
+    model = jaxsim.load("pendulum")
+    state = jaxsim.make_state(model)
+    angles = jnp.linspace(0, 3, batch)[:, None]
+    states = jax.vmap(lambda q: state.replace(qpos=q))(angles)
+    ctrls = jnp.zeros((batch, 3, model.nu))
+    last = jaxsim.batch_rollout(model, states, ctrls)
+    some = jax.tree.map(lambda x: x[-5:], (states, ctrls))
+    np.testing.assert_allclose(last.qpos[-5:], jaxsim.batch_rollout(model, *some).qpos, rtol=1e-6)
 
 
 def test_map_chunks():

@@ -130,6 +130,22 @@ def test_ids_are_static_when_every_candidate_has_its_slots(rng):
     assert kinds(few) == [not few.dynamic] * 2 == [False, False]
 
 
+def test_the_ground_stays_known_when_slots_are_assigned_at_run_time():
+    """So the solver knows that one side of these contacts never moves."""
+    balls = '<body pos="{0} 0 {0}"><freejoint/><geom size=".1"/></body>'
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><geom type="plane" size="1 1 1" conaffinity="2" contype="2"/>'
+        + "".join(balls.format(x) for x in (0.3, 0.05, 0.2)).replace("size", 'contype="2" size')
+        + "</worldbody></mujoco>"
+    )
+    few = find_candidates(model, max_contacts=1)
+    xpos = jnp.asarray([[0.0, 0, 0], [0, 0, 0.3], [1, 0, 0.05], [2, 0, 0.2]])
+    contacts = detect(model, few, xpos, jnp.tile(jnp.eye(3)[None], (4, 1, 1)))
+    assert few.dynamic
+    assert isinstance(contacts.geom1, np.ndarray)
+    assert (contacts.geom1.tolist(), contacts.geom2.tolist()) == ([0], [2])
+
+
 def test_deepest_contacts_are_kept_and_the_others_counted(rng):
     model = load(None)
     xpos, xmat = poses(random_data(model, rng, 30, 0.15))
