@@ -104,7 +104,8 @@ def _sum_jvp(axes, primals, tangents):
 @functools.partial(jax.jit, static_argnames=("axes", "operator"))
 def _written_out(x, *, axes: tuple[int, ...], operator=lax.add):
     for first, last in reversed(_runs(axes)):
-        x = x.reshape(*x.shape[:first], -1, *x.shape[last + 1 :])
+        size = math.prod(x.shape[first : last + 1])
+        x = x.reshape(*x.shape[:first], size, *x.shape[last + 1 :])
         x = lax.squeeze(_reduced(x, first, operator), [first])
     return x
 

@@ -51,6 +51,8 @@ def test_barrier_and_logical_reductions():
         return [*both, *((x > k).any(k) for k in (0, 1)), (x > -2).all((0, 2)), (x > -3).all()]
 
     _each_sharing(f, _normal(BATCH, 3, 40, 5), _normal(BATCH, 3, 40, 5))
+    empty = lambda x: [x.sum((0, 1)), (x > 0).any((0, 1)), x.sum()]  # noqa: E731
+    assert_same(empty, _normal(BATCH, 3, 2, 0))
 
 
 def test_clamp():
