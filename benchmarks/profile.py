@@ -66,26 +66,26 @@ def _programs(model):
     from jaxsim.pipeline import constraint_scene, evaluate, smooth_dynamics
 
     def positions(state, ctrl):
-        return _numbers(kinematics(model, state.qpos, state.mocap_pos, state.mocap_quat))
+        return _total(kinematics(model, state.qpos, state.mocap_pos, state.mocap_quat))
 
     def smooth(state, ctrl):
-        return _numbers(smooth_dynamics(model, state, ctrl))
+        return _total(smooth_dynamics(model, state, ctrl))
 
     def contacts(state, ctrl):
         now = smooth_dynamics(model, state, ctrl)
-        return _numbers((now, constraint_scene(model, state, now.kin, now.vel)[1]))
+        return _total((now, constraint_scene(model, state, now.kin, now.vel)[1]))
 
     def rows(state, ctrl):
         now = smooth_dynamics(model, state, ctrl)
         scene, contact = constraint_scene(model, state, now.kin, now.vel)
         blocks = constraint_blocks(scene, contact)
-        return _numbers((now, contact, [(b.kind, b.jacobian) for b in blocks]))
+        return _total((now, contact, [(b.kind, b.jacobian) for b in blocks]))
 
     def solved(state, ctrl):
         now = evaluate(model, state, ctrl)
-        return _numbers((now.smooth, now.constrained.qacc, now.constrained.qfrc_constraint))
+        return _total((now.smooth, now.constrained.qacc, now.constrained.qfrc_constraint))
 
-    def _numbers(tree):
+    def _total(tree):
         arrays = [x for x in jax.tree.leaves(tree) if isinstance(x, jax.Array)]
         return sum(jnp.sum(x.astype(float)) for x in arrays)
 

@@ -135,7 +135,6 @@ _READERS: dict[str, Callable[[dict], Any]] = {
     "remat2": lambda p: Remat(program(p["jaxpr"])),
     "checkpoint": lambda p: Remat(program(p["jaxpr"])),
     "custom_linear_solve": _linear_solve,
-    "linear_solve": _linear_solve,
     "custom_jvp_call": lambda p: Custom(program(p["call_jaxpr"]), "jvp"),
     "custom_vjp_call": lambda p: Custom(program(p["call_jaxpr"]), "vjp"),
 }

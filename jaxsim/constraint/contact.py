@@ -30,11 +30,10 @@ def contact_blocks(scene: Scene, contact: Contact) -> list[Block]:
     ]
 
 
-def contact_forces(scene: Scene, contact: Contact, forces: list[Array]) -> Float[Array, "nc 6"]:
+def contact_forces(contact: Contact, forces: list[Array]) -> Float[Array, "nc 6"]:
     """(force, torque) of each contact in its frame, on geom2 from geom1: `mj_contactForce`.
 
     Args:
-      scene: the scene.
       contact: the contacts.
       forces: row forces of the contact blocks, in the order of `contact_blocks`.
     """

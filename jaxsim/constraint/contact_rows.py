@@ -1,7 +1,7 @@
 """Rows of contacts: how a point of one link moves past a point of another, in the contact frame.
 
-Nothing of the size of a Jacobian is kept. An arm for each link, the frame and the friction
-coefficients say all, and `J^T W J` is summed as three 3x3 matrices for each link.
+Nothing of the size of a Jacobian is kept. An arm for each link and the frame say all, and
+`J^T W J` is summed as three 3x3 matrices for each link.
 """
 
 import jax

@@ -125,7 +125,7 @@ def _outcome(
         qfrc_constraint=from_tree_order(model, _pulled(operator, forces, x)),
         blocks=tuple(blocks),
         forces=forces,
-        contact_force=contact_forces(scene, contact, contacts)
+        contact_force=contact_forces(contact, contacts)
         if contacts
         else jnp.zeros((contact.dist.shape[0], 6), x.dtype),
         status=status,

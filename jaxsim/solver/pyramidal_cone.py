@@ -15,6 +15,8 @@ import jax.numpy as jnp
 from flax import struct
 from jaxtyping import Array, Float
 
+from jaxsim.solver.unilateral import change_of_square
+
 
 @struct.dataclass
 class PyramidalCone:
@@ -44,7 +46,7 @@ class PyramidalCone:
 
     def curvature(self, r: Float[Array, "n d"]) -> Float[Array, "n d d"]:
         """Hessian of the cost of every contact, positive semidefinite."""
-        plus, minus = self._stiffness(r)
+        plus, minus = self._stiffness(self._edges(r))
         total = plus + minus
         mixed = self.mu * (plus - minus)
         top = jnp.concatenate([jnp.sum(total, axis=1, keepdims=True), mixed], axis=1)
@@ -57,17 +59,14 @@ class PyramidalCone:
     ) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """First and second derivative of the cost at r along v."""
         edges, speeds = self._edges(r), self._edges(v)
-        dv = [w * u for w, u in zip(self._stiffness(r), speeds, strict=True)]
+        dv = [w * u for w, u in zip(self._stiffness(edges), speeds, strict=True)]
         first = dv[0] * edges[0] + dv[1] * edges[1]
         second = dv[0] * speeds[0] + dv[1] * speeds[1]
         return jnp.sum(first), jnp.sum(second)
 
     def change(self, r: Float[Array, "n d"], step: Float[Array, "n d"]) -> Float[Array, ""]:
-        """`cost(r + step) - cost(r)` without the cancellation of that difference.
-
-        See `Unilateral.change`, of which this is the sum over the edges.
-        """
-        plus, minus = map(_change, self._edges(r), self._edges(step))
+        """`cost(r + step) - cost(r)` without the cancellation of that difference."""
+        plus, minus = map(change_of_square, self._edges(r), self._edges(step))
         return 0.5 * jnp.sum(self.D[:, None] * (plus + minus))
 
     def _edges(self, r):
@@ -75,13 +74,6 @@ class PyramidalCone:
         tangent = self.mu * r[:, 1:]
         return r[:, :1] + tangent, r[:, :1] - tangent
 
-    def _stiffness(self, r):
+    def _stiffness(self, edges):
         """Second derivatives of the cost along the edges."""
-        return [jnp.where(e < 0, self.D[:, None], 0.0) for e in self._edges(r)]
-
-
-def _change(e, step):
-    """Twice the change of `1/2 min(e, 0)^2`."""
-    end = e + step
-    before, after = jnp.minimum(e, 0), jnp.minimum(end, 0)
-    return (before + after) * step + (after - before) * ((e - before) + (end - after))
+        return [jnp.where(e < 0, self.D[:, None], 0.0) for e in edges]

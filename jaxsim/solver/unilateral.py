@@ -37,12 +37,17 @@ class Unilateral:
         return jnp.sum(dv * r), jnp.sum(dv * v)
 
     def change(self, r: Float[Array, "*rows"], step: Float[Array, "*rows"]) -> Float[Array, ""]:
-        """`cost(r + step) - cost(r)` without the cancellation of that difference.
+        """`cost(r + step) - cost(r)` without the cancellation of that difference."""
+        return 0.5 * jnp.sum(self.D * change_of_square(r, step))
 
-        With `c = min(r, 0)` the cost is `D c (r - c / 2)`. Its difference is
-        `D (mean(c) dr + dc mean(r - c))`, whose second term vanishes where both ends are active.
-        """
-        end = r + step
-        before, after = jnp.minimum(r, 0), jnp.minimum(end, 0)
-        outside = (r - before) + (end - after)
-        return 0.5 * jnp.sum(self.D * ((before + after) * step + (after - before) * outside))
+
+def change_of_square(r: Float[Array, "*rows"], step: Float[Array, "*rows"]):
+    """`min(r + step, 0)^2 - min(r, 0)^2` without the cancellation of that difference.
+
+    With `c = min(r, 0)` the square is `c (2 r - c)`. Its difference is twice
+    `mean(c) dr + dc mean(r - c)`, whose second term vanishes where both ends are active.
+    """
+    end = r + step
+    before, after = jnp.minimum(r, 0), jnp.minimum(end, 0)
+    outside = (r - before) + (end - after)
+    return (before + after) * step + (after - before) * outside
