@@ -15,6 +15,7 @@ what the process grew by when the batch was compiled and run for the first time.
 
 import argparse
 import dataclasses
+import math
 import os
 import pathlib
 import time
@@ -67,7 +68,7 @@ def main(arguments=None) -> None:
         options,
         __file__,
         {"rows": rows, "environments": env_rows},
-        lambda figure: _draw(figure, rows),
+        lambda figure: _draw(figure, rows, env_rows),
     )
 
 
@@ -246,18 +247,30 @@ def _resident() -> float:
     return psutil.Process().memory_info().rss / 2**20
 
 
-def _draw(figure, rows) -> None:
-    """Bars of steps per second."""
-    axes = figure.subplots()
+def _draw(figure, rows, env_rows) -> None:
+    """Bars of steps per second: of models, of environments, or of both side by side."""
     timed = [r for r in rows if "steps/s" in r]
-    names = list(dict.fromkeys(r["model"] for r in timed))
-    for i, peer in enumerate(PEERS):
-        line = [r for r in timed if r["peer"] == peer]
-        at = [names.index(r["model"]) + 0.27 * i for r in line]
-        axes.bar(at, [r["steps/s"] for r in line], 0.27, label=peer)
-    axes.set_xticks(range(len(names)), names, rotation=30, fontsize=8)
-    axes.set(yscale="log", ylabel="steps per second")
-    axes.legend()
+    panels = [(timed, "model", "peer", "steps/s")] if timed else []
+    if env_rows:
+        panels.append((env_rows, "environment", "by", "env steps/s"))
+    for axes, panel in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
+        _bars(axes, *panel)
+
+
+def _bars(axes, rows, what: str, by: str, rate: str) -> None:
+    """One bar for each engine that was timed, with its rate; the axis starts at a power of ten."""
+    names, engines = (list(dict.fromkeys(r[key] for r in rows)) for key in (what, by))
+    width = 0.85 / len(engines)
+    for i, engine in enumerate(engines):
+        line = [r for r in rows if r[by] == engine]
+        at = [names.index(r[what]) + width * (i - (len(engines) - 1) / 2) for r in line]
+        bars = axes.bar(at, [r[rate] for r in line], width, label=engine)
+        axes.bar_label(bars, fmt=lambda x: f"{x:,.0f}", fontsize=6)
+    low, high = (f(r[rate] for r in rows) for f in (min, max))
+    axes.set_xticks(range(len(names)), names, fontsize=8)
+    axes.set(yscale="log", ylabel=f"{rate.removesuffix('/s')} per second")
+    axes.set_ylim(10 ** math.floor(math.log10(low) - 0.3), 2 * high)
+    axes.legend(fontsize=7, loc="upper left", bbox_to_anchor=(1, 1))
 
 
 if __name__ == "__main__":
