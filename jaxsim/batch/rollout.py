@@ -13,6 +13,7 @@ from jaxtyping import Array, Float
 from jaxsim.batch.chunks import VECTOR, chunk_lanes, map_chunks
 from jaxsim.batch.devices import EVERYWHERE, SPLIT, device_mesh, parallel, shardings
 from jaxsim.batch.vmap import vmap
+from jaxsim.dynamics.components import Directions, known_directions, with_directions
 from jaxsim.model import Model, State
 from jaxsim.step import step
 
@@ -48,7 +49,7 @@ def batch_rollout(
     pad = functools.partial(_pad, rows=padded - batch)
     place = functools.partial(jax.device_put, device=shardings(mesh, SPLIT))
     states, ctrls = jax.tree.map(lambda x: place(pad(x)), (states, ctrls))
-    run = _compiled(observe, mesh)
+    run = _compiled(observe, mesh, known_directions(model))
     final, seen = run(model, states, ctrls)
     final, seen = (
         jax.tree.map(lambda x: x[:batch], (final, seen)) if padded > batch else (final, seen)
@@ -57,12 +58,15 @@ def batch_rollout(
 
 
 @functools.lru_cache(maxsize=16)
-def _compiled(observe, mesh: Mesh):
-    """The rollout of all chunks on all devices; one compilation for each model structure."""
+def _compiled(observe, mesh: Mesh, directions: Directions | None):
+    """The rollout of all chunks on all devices; one compilation for each model structure.
+
+    The directions of the joints are part of the program, so that it can be a planar one.
+    """
     platform = mesh.devices.flat[0].platform
 
     def shard(model, states, ctrls):
-        one = functools.partial(_rollout, model, observe)
+        one = functools.partial(_rollout, with_directions(model, directions), observe)
         limit = chunk_lanes(model)
         if platform != "cpu" or ctrls.shape[0] <= limit:
             return vmap(one)(states, ctrls)

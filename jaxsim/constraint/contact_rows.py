@@ -10,7 +10,9 @@ from flax import struct
 from jax import lax
 from jaxtyping import Array, Float
 
+from jaxsim.constraint.jacobian import LinkRows
 from jaxsim.constraint.links import Links, add_at, gather, moves
+from jaxsim.dynamics.components import ALL, Components
 from jaxsim.model.topology import Forest
 
 
@@ -84,6 +86,15 @@ class ContactRows:
         components = jax.vmap(jax.vmap(self._components, in_axes=(None, 0), out_axes=1))
         return components(self.frame, sum(parts[1:], parts[0]))
 
+    def restricted(self, components: Components) -> "ContactRows | LinkRows":
+        """Maps from the few components, which are smaller than arms and frame."""
+        if components == ALL:
+            return self
+        wrenches = jax.vmap(self._unit_wrenches)(self.frame)
+        about = jax.vmap(jax.vmap(_about_reference, in_axes=(0, None)))
+        sides = tuple((s.sign * about(wrenches, s.arm), s.link) for s in self.sides)
+        return LinkRows(sides).restricted(components)
+
     def _components(self, frame, motion):
         """The rows of a motion (angular, linear) at the contact point."""
         linear = frame[: self.condim] @ motion[3:]
@@ -96,6 +107,15 @@ class ContactRows:
         push = force[:3] @ frame[: self.condim]
         spin = force[3:] @ frame[: self.condim - 3] if self.condim > 3 else jnp.zeros_like(push)
         return jnp.concatenate([spin, push])
+
+    def _unit_wrenches(self, frame):
+        """(condim, 6) wrenches of a unit force along each row, at the contact point."""
+        F = frame[: self.condim]
+        pushes = jnp.concatenate([jnp.zeros_like(F), F], axis=1)
+        if self.condim <= 3:
+            return pushes
+        A = frame[: self.condim - 3]
+        return jnp.concatenate([pushes, jnp.concatenate([A, jnp.zeros_like(A)], axis=1)])
 
     def _stiffness(self, frame, W):
         """Linear, mixed and angular 3x3 blocks of `C^T W C`, with C that of `_components`."""

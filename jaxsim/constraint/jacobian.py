@@ -3,7 +3,8 @@
 Rows of single degrees of freedom (`DofRows`), rows of the relative motion of two links
 (`LinkRows`; those of contacts are in `contact_rows`), and everything else (`DenseRows`).
 Accelerations come in lifted form: `x` in tree order and the accelerations `a` of the links that
-it causes, about the trees' reference points.
+it causes, about the trees' reference points. Of these there are six components, or those that
+the Jacobian was restricted to (`jaxsim.dynamics.components`).
 """
 
 from typing import Protocol
@@ -15,27 +16,32 @@ from flax import struct
 from jaxtyping import Array, Float
 
 from jaxsim.constraint.links import Links, add_at, gather, moves
+from jaxsim.dynamics.components import Components, restrict
 from jaxsim.dynamics.tree import sum_by, take
 from jaxsim.model.topology import Forest
 
 
 class Jacobian(Protocol):
-    """A block of rows, each in the shape `rows`."""
+    """A block of rows, each in the shape `rows`; links' motions have c components."""
 
-    def apply(self, x: Float[Array, "nv"], a: Float[Array, "njnt 6"]) -> Array:
+    def apply(self, x: Float[Array, "nv"], a: Float[Array, "njnt c"]) -> Array:
         """`J x`."""
         ...
 
     def add_force(self, f: Array, force: Array, wrench: Array) -> tuple[Array, Array]:
-        """Generalised forces (nv,) and wrenches on the links (njnt, 6), with `J^T f` added."""
+        """Generalised forces (nv,) and wrenches on the links (njnt, c), with `J^T f` added."""
         ...
 
     def add_curvature(self, W: Array, diagonal: Array, matrix: Array) -> tuple[Array, Array]:
-        """A diagonal (nv,) and link matrices (njnt, 6, 6), with `J^T W J` added, uncoupled."""
+        """A diagonal (nv,) and link matrices (njnt, c, c), with `J^T W J` added, uncoupled."""
         ...
 
-    def dense(self, tree: Forest, cdof: Float[Array, "nv 6"]) -> Array:
+    def dense(self, tree: Forest, cdof: Float[Array, "nv c"]) -> Array:
         """J with a last axis of length nv, tree order."""
+        ...
+
+    def restricted(self, components: Components) -> "Jacobian":
+        """The same rows, for links whose motions have these components."""
         ...
 
     @property
@@ -76,6 +82,10 @@ class DofRows:
         unit = np.eye(tree.nv)[np.array(self.dof, int)]
         return self.scale[:, None] * jnp.asarray(unit, cdof.dtype)
 
+    def restricted(self, components):
+        """As it is."""
+        return self
+
 
 @struct.dataclass
 class DenseRows:
@@ -101,17 +111,21 @@ class DenseRows:
         """J itself."""
         return self.J
 
+    def restricted(self, components):
+        """As it is."""
+        return self
+
 
 @struct.dataclass
 class LinkRows:
     """Rows of the motion of one link relative to another: `sum of G a[link]` over both.
 
     Attributes:
-      sides: signed maps (n, d, 6) from accelerations to rows, and the links they belong to;
+      sides: signed maps (n, d, c) from accelerations to rows, and the links they belong to;
         links that never move are left out.
     """
 
-    sides: tuple[tuple[Float[Array, "n d 6"], Links], ...]
+    sides: tuple[tuple[Float[Array, "n d c"], Links], ...]
 
     @property
     def coupled(self):
@@ -129,15 +143,21 @@ class LinkRows:
         return force, wrench
 
     def add_curvature(self, W, diagonal, matrix):
-        """`G^T W G` of each side by itself; W is diagonal, (n, d)."""
+        """`G^T W G` of each side by itself; W is diagonal or in blocks (n, d, d)."""
+        weigh = lambda W, G: W[:, None] * G if W.ndim == 1 else W @ G  # noqa: E731
         for G, link in self.sides:
-            matrix = add_at(matrix, link, jax.vmap(lambda G, w: G.T @ (w[:, None] * G))(G, W))
+            matrix = add_at(matrix, link, jax.vmap(lambda G, W: G.T @ weigh(W, G))(G, W))
         return diagonal, matrix
 
     def dense(self, tree, cdof):
         """Rows times the motion axes of the degrees of freedom that move each link."""
         rows = jax.vmap(lambda G, mask: (G @ cdof.T) * mask[None])
         return self._sum(lambda G, link: rows(G, moves(tree, link, cdof.dtype)))
+
+    def restricted(self, components):
+        """Columns of the maps."""
+        columns = jax.vmap(jax.vmap(lambda row: restrict(components, row)))
+        return LinkRows(tuple((columns(G), link) for G, link in self.sides))
 
     def _sum(self, f):
         parts = [f(G, link) for G, link in self.sides]

@@ -15,6 +15,12 @@ from jaxtyping import Array, Float
 from jaxsim.constraint.block import Block
 from jaxsim.constraint.jacobian import Jacobian
 from jaxsim.dynamics.aba import articulated_solve
+from jaxsim.dynamics.components import (
+    RestrictedInertia,
+    motion_components,
+    restrict,
+    restrict_inertia,
+)
 from jaxsim.dynamics.crba import composite_mass_matrix_in_tree_order
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.reflected import dof_armature
@@ -47,14 +53,16 @@ class TreePoint:
     """
 
     x: Float[Array, "nv"]
-    a: Float[Array, "njnt 6"]
-    p: Float[Array, "njnt 6"]
+    a: Float[Array, "njnt c"]
+    p: Float[Array, "njnt c"]
     rows: Rows
 
 
 @struct.dataclass
 class TreeOperator:
     """Products with M and J by walks over the tree; `solve` is articulated or iterative.
+
+    Motions of links have the c components of `jaxsim.dynamics.components`.
 
     Attributes:
       cdof: motion axes.
@@ -65,8 +73,8 @@ class TreeOperator:
       exact: whether the articulated solve is the whole truth, static.
     """
 
-    cdof: Float[Array, "nv 6"]
-    inertia: Inertia
+    cdof: Float[Array, "nv c"]
+    inertia: Inertia | RestrictedInertia
     armature: Float[Array, "nv"]
     jacobians: tuple[Jacobian, ...]
     tree: Forest = struct.field(pytree_node=False)
@@ -77,7 +85,7 @@ class TreeOperator:
         rate = sum_by(self.cdof * x[:, None], self.tree.dof_node, len(self.tree))
         return self.lift_known(x, accumulate_outward(self.tree, rate))
 
-    def lift_known(self, x: Float[Array, "nv"], a: Float[Array, "njnt 6"]) -> TreePoint:
+    def lift_known(self, x: Float[Array, "nv"], a: Float[Array, "njnt c"]) -> TreePoint:
         """`lift(x)` where the accelerations of the links are known."""
         momentum = jax.vmap(lambda inertia, a: inertia.apply(a))(self.inertia, a)
         return TreePoint(x, a, momentum, tuple(J.apply(x, a) for J in self.jacobians))
@@ -121,18 +129,21 @@ class TreeOperator:
 
 def make_operator(model: Model, kin: Kinematics, blocks: list[Block], strategy: str) -> Operator:
     """The operator of a strategy from `STRATEGIES`."""
-    jacobians = tuple(block.jacobian for block in blocks)
+    components = motion_components(model)
+    cdof = jax.vmap(lambda axis: restrict(components, axis))(kin.cdof)
+    jacobians = tuple(block.jacobian.restricted(components) for block in blocks)
     if strategy == "dense":
         return DenseOperator(
             mass=composite_mass_matrix_in_tree_order(model, kin),
-            jacobian=tuple(J.dense(model.tree, kin.cdof) for J in jacobians),
+            jacobian=tuple(J.dense(model.tree, cdof) for J in jacobians),
         )
+    inertia = jax.vmap(lambda inertia: restrict_inertia(components, inertia))(kin.inertia)
     armature = to_tree_order(model, dof_armature(model))
     exact = strategy == "articulated"
-    return TreeOperator(kin.cdof, kin.inertia, armature, jacobians, model.tree, exact)
+    return TreeOperator(cdof, inertia, armature, jacobians, model.tree, exact)
 
 
-def lifted(operator: Operator, x: Float[Array, "nv"], a: Float[Array, "njnt 6"]) -> Lifted:
+def lifted(operator: Operator, x: Float[Array, "nv"], a: Float[Array, "njnt c"]) -> Lifted:
     """`operator.lift(x)` where the accelerations of the links are known."""
     if isinstance(operator, TreeOperator):
         return operator.lift_known(x, a)

@@ -60,7 +60,7 @@ def constrained_acceleration(
     scene: Scene,
     contact: Contact,
     qacc_smooth: Float[Array, "nv"],
-    link_acceleration: Float[Array, "njnt 6"],
+    link_acceleration: Float[Array, "njnt c"],
     qacc_warmstart: Float[Array, "nv"],
 ) -> Constrained:
     """Minimises `1/2 |a - qacc_smooth|_M^2 + s(J a - aref)` over accelerations a.

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxsim.dynamics.components import motion_components, restrict, restrict_matrix
 from jaxsim.dynamics.kinematics import Kinematics, kinematics
 from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.dynamics.rnea import qfrc_bias
@@ -41,7 +42,7 @@ def solve_mass(model: Model, kin: Kinematics, force: Float[Array, "nv"]) -> Floa
 
 def accelerations(
     model: Model, kin: Kinematics, force: Float[Array, "nv"]
-) -> tuple[Float[Array, "nv"], Float[Array, "njnt 6"]]:
+) -> tuple[Float[Array, "nv"], Float[Array, "njnt c"]]:
     """`M^-1 force` and the accelerations of the links that it causes, these in tree order."""
     matrices = jax.vmap(lambda inertia: inertia.as_matrix())(kin.inertia)
     return solve_articulated(model, kin.cdof, matrices, dof_armature(model), force)
@@ -53,7 +54,7 @@ def solve_articulated(
     link_matrix: Float[Array, "njnt 6 6"],
     diagonal: Float[Array, "nv"],
     force: Float[Array, "nv"],
-) -> tuple[Float[Array, "nv"], Float[Array, "njnt 6"]]:
+) -> tuple[Float[Array, "nv"], Float[Array, "njnt c"]]:
     """Solve with the mass matrix of a tree whose links have arbitrary 6x6 inertias.
 
     `H = sum_links J^T K J + diag(d)`, with K any symmetric matrices such that H is positive
@@ -68,8 +69,12 @@ def solve_articulated(
       force: right-hand side, MuJoCo's order.
 
     Returns:
-      `H^-1 force` in MuJoCo's order, and the accelerations of the links that it causes.
+      `H^-1 force` in MuJoCo's order, and the accelerations of the links that it causes, of which
+      there are the components that `motion_components` lists.
     """
+    components = motion_components(model)
+    cdof = jax.vmap(lambda axis: restrict(components, axis))(cdof)
+    link_matrix = jax.vmap(lambda matrix: restrict_matrix(components, matrix))(link_matrix)
     diagonal, force = to_tree_order(model, diagonal), to_tree_order(model, force)
     x, acceleration = articulated_solve(model.tree, cdof, link_matrix, diagonal, force)
     return from_tree_order(model, x), acceleration
@@ -77,15 +82,16 @@ def solve_articulated(
 
 def articulated_solve(
     tree: Forest,
-    cdof: Float[Array, "nv 6"],
-    link_matrix: Float[Array, "njnt 6 6"],
+    cdof: Float[Array, "nv c"],
+    link_matrix: Float[Array, "njnt c c"],
     diagonal: Float[Array, "nv"],
     force: Float[Array, "nv"],
-) -> tuple[Float[Array, "nv"], Float[Array, "njnt 6"]]:
-    """`solve_articulated` with everything in tree order."""
-    zero = (jnp.zeros((6, 6), cdof.dtype), jnp.zeros(6, cdof.dtype))
+) -> tuple[Float[Array, "nv"], Float[Array, "njnt c"]]:
+    """`solve_articulated` in tree order, of twists with any number of components."""
+    c = cdof.shape[1]
+    zero = (jnp.zeros((c, c), cdof.dtype), jnp.zeros(c, cdof.dtype))
     _, factors = inward(tree, _eliminate, zero, link_matrix, (cdof, diagonal, force))
-    root = jnp.zeros((tree.nroot, 6), cdof.dtype)
+    root = jnp.zeros((tree.nroot, c), cdof.dtype)
     acceleration, x = outward(tree, _substitute, root, (), (cdof, *factors))
     return x, acceleration
 

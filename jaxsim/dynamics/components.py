@@ -1,0 +1,126 @@
+"""The components of a twist that a model's links can have at all.
+
+Twists are in world axes about a fixed point. Where all hinges turn about one coordinate axis, as
+in a planar mechanism, most of the six components stay zero whatever happens. The articulated
+solves leave those out: a planar link has an inertia of 3x3 numbers, a slider one of a single number.
+
+Nothing is lost by it, neither in values nor in derivatives: it is done only where the axes of the
+joints are numbers while a program is traced, and not themselves mapped over or differentiated.
+"""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+from flax import struct
+from jaxtyping import Array, Float
+
+from jaxsim.dynamics.tree import take
+from jaxsim.model import Model
+from jaxsim.model.structure import Structure
+from jaxsim.spatial import Inertia
+
+Components = tuple[int, ...]
+Directions = tuple[tuple[tuple[float, ...], ...], ...]
+
+ALL: Components = tuple(range(6))
+
+# The leaves that the directions of the joints depend on.
+DIRECTIONS = ("jnt_axis", "body_quat")
+
+
+@struct.dataclass
+class RestrictedInertia:
+    """An inertia for twists with c components.
+
+    Attributes:
+      matrix: these rows and columns of the spatial inertia.
+    """
+
+    matrix: Float[Array, "c c"]
+
+    def apply(self, V: Float[Array, "c"]) -> Float[Array, "c"]:
+        """Momentum `G V`."""
+        return self.matrix @ V
+
+    def as_matrix(self) -> Float[Array, "c c"]:
+        """The matrix."""
+        return self.matrix
+
+
+def known_directions(model: Model) -> Directions | None:
+    """The leaves that the directions of the joints depend on, as numbers; None while traced."""
+    try:
+        numbers = [np.asarray(getattr(model, name)) for name in DIRECTIONS]
+    except jax.errors.TracerArrayConversionError:
+        return None
+    return tuple(tuple(map(tuple, x.tolist())) for x in numbers)
+
+
+def with_directions(model: Model, directions: Directions | None) -> Model:
+    """The model with these numbers in place of leaves, which a jitted function traces."""
+    if directions is None:
+        return model
+    with jax.ensure_compile_time_eval():
+        numbers = [jnp.array(x, model.body_quat.dtype) for x in directions]
+    shaped = [x.reshape(getattr(model, name).shape) for name, x in zip(DIRECTIONS, numbers, strict=True)]
+    return model.replace(**dict(zip(DIRECTIONS, shaped, strict=True)))
+
+
+def motion_components(model: Model) -> Components:
+    """Which of the six components, angular first, are not zero for all motions of all links.
+
+    All of them if the axes of the joints are not known while tracing.
+    """
+    directions = known_directions(model)
+    return ALL if directions is None else _components(model.structure, *directions)
+
+
+def restrict(components: Components, twist: Float[Array, "6"]) -> Float[Array, "c"]:
+    """These components of a twist or a wrench."""
+    return take(twist, np.array(components))
+
+
+def restrict_matrix(components: Components, matrix: Float[Array, "6 6"]) -> Float[Array, "c c"]:
+    """These rows and columns."""
+    rows = restrict(components, matrix)
+    return rows if components == ALL else jax.vmap(lambda row: restrict(components, row))(rows)
+
+
+def restrict_inertia(components: Components, inertia: Inertia) -> Inertia | RestrictedInertia:
+    """The inertia for twists with these components."""
+    if components == ALL:
+        return inertia
+    return RestrictedInertia(restrict_matrix(components, inertia.as_matrix()))
+
+
+@functools.lru_cache(maxsize=64)
+def _components(structure: Structure, axes, quats) -> Components:
+    kinds = structure.jnt_type
+    hinge, slide = (kinds == int(getattr(mujoco.mjtJoint, f"mjJNT_{k}")) for k in ("HINGE", "SLIDE"))
+    on_mocap = structure.body_mocapid[structure.body_rootid[structure.jnt_bodyid]] >= 0
+    if not len(kinds) or not (hinge | slide).all() or on_mocap.any():
+        return ALL
+    directions = _world_axes(structure, axes, quats)
+    turns, slides = (np.abs(directions[kind]).max(0, initial=0) > 0 for kind in (hinge, slide))
+    if turns.sum() > 1:
+        return ALL
+    # What turns about an axis carries all other things in the plane across it.
+    linear = slides | (~turns if turns.any() else False)
+    return tuple(np.nonzero(np.concatenate([turns, linear]))[0].tolist())
+
+
+def _world_axes(structure: Structure, axes, quats) -> np.ndarray:
+    """(njnt, 3) axes of all joints in world axes where no joint has turned.
+
+    If all hinges are parallel there, none of them ever turns another one.
+    """
+    turned = np.array(quats, float)
+    for body in range(1, structure.nbody):
+        mujoco.mju_mulQuat(turned[body], turned[structure.body_parentid[body]], turned[body].copy())
+    world = np.array(axes, float)
+    for joint, body in enumerate(structure.jnt_bodyid):
+        mujoco.mju_rotVecQuat(world[joint], world[joint].copy(), turned[body])
+    return world
