@@ -207,8 +207,11 @@ def rollout(model: Model, state: State, ctrls: Float[Array, "T nu"]) -> tuple[St
     if jnp.ndim(ctrls) != 2 or ctrls.shape[1] != model.nu:
         raise ValueError(f"ctrls must have shape (steps, {model.nu}), got {jnp.shape(ctrls)}")
 
+    # The model is closed over: what is known about it while tracing stays known.
+    advance = checkpoint(lambda state, ctrl: step(model, state, ctrl))
+
     def body(state, ctrl):
-        state = checkpoint(step)(model, state, ctrl)
+        state = advance(state, ctrl)
         return state, state
 
     return lax.scan(body, state, ctrls)

@@ -2,10 +2,10 @@
 
 Twists are in world axes about a fixed point. Where all hinges turn about one coordinate axis, as
 in a planar mechanism, most of the six components stay zero whatever happens. The articulated
-solves leave those out: a planar link has an inertia of 3x3 numbers, a slider one of a single number.
+solves leave those out: a planar link then has an inertia of 3x3 numbers, a slider's is one number.
 
 Nothing is lost by it, neither in values nor in derivatives: it is done only where the axes of the
-joints are numbers while a program is traced, and not themselves mapped over or differentiated.
+joints are numbers while a program is traced, not arguments that may be mapped or differentiated.
 """
 
 import functools
@@ -65,7 +65,9 @@ def with_directions(model: Model, directions: Directions | None) -> Model:
         return model
     with jax.ensure_compile_time_eval():
         numbers = [jnp.array(x, model.body_quat.dtype) for x in directions]
-    shaped = [x.reshape(getattr(model, name).shape) for name, x in zip(DIRECTIONS, numbers, strict=True)]
+    shaped = [
+        x.reshape(getattr(model, name).shape) for name, x in zip(DIRECTIONS, numbers, strict=True)
+    ]
     return model.replace(**dict(zip(DIRECTIONS, shaped, strict=True)))
 
 
@@ -99,7 +101,9 @@ def restrict_inertia(components: Components, inertia: Inertia) -> Inertia | Rest
 @functools.lru_cache(maxsize=64)
 def _components(structure: Structure, axes, quats) -> Components:
     kinds = structure.jnt_type
-    hinge, slide = (kinds == int(getattr(mujoco.mjtJoint, f"mjJNT_{k}")) for k in ("HINGE", "SLIDE"))
+    hinge, slide = (
+        kinds == int(getattr(mujoco.mjtJoint, f"mjJNT_{k}")) for k in ("HINGE", "SLIDE")
+    )
     on_mocap = structure.body_mocapid[structure.body_rootid[structure.jnt_bodyid]] >= 0
     if not len(kinds) or not (hinge | slide).all() or on_mocap.any():
         return ALL
