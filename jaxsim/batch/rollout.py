@@ -47,8 +47,7 @@ def batch_rollout(
     batch = ctrls.shape[0]
     padded = -(-batch // mesh.size) * mesh.size
     pad = functools.partial(_pad, rows=padded - batch)
-    place = functools.partial(jax.device_put, device=shardings(mesh, SPLIT))
-    states, ctrls = jax.tree.map(lambda x: place(pad(x)), (states, ctrls))
+    states, ctrls = jax.device_put(jax.tree.map(pad, (states, ctrls)), shardings(mesh, SPLIT))
     run = _compiled(observe, mesh, known_directions(model))
     final, seen = run(model, states, ctrls)
     final, seen = (
