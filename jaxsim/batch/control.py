@@ -142,17 +142,20 @@ def _go_on(lanes, loop: _Loop, few: int, active, consts, carry) -> list:
     chosen = jnp.zeros(few, place.dtype).at[place].set(lane, mode="drop")
 
     def take(values, flags):
-        return [
-            jnp.take(v, chosen, axis=-1, mode="clip") if on else v
-            for v, on in zip(values, flags, strict=True)
-        ]
+        return [_lanes(v, chosen) if on else v for v, on in zip(values, flags, strict=True)]
 
     fewer = dataclasses.replace(lanes, size=few)
     _, new = loop.run(fewer, take(consts, loop.const_flags), take(carry, loop.carry_flags), 0)
     return [
-        _select(active, [old, jnp.take(n, place, axis=-1, mode="clip")]) if on else n
+        _select(active, [old, _lanes(n, place)]) if on else n
         for n, old, on in zip(new, carry, loop.carry_flags, strict=True)
     ]
+
+
+def _lanes(x, index):
+    """Chosen lanes of x. With all other axes as one, XLA copies half as much."""
+    rows = x.reshape(-1, x.shape[-1])
+    return jnp.take(rows, index, axis=1, mode="clip").reshape(*x.shape[:-1], len(index))
 
 
 def _length(jaxpr) -> int:
