@@ -49,14 +49,12 @@ def rows(name: str, options) -> list[dict]:
 def _compiled(name: str, batch: int, steps: int):
     """A scan of steps, environments split over all devices."""
     import jax
-    from jax.sharding import PartitionSpec
 
     import jaxsim
+    from jaxsim.batch.devices import SPLIT, device_mesh, parallel
     from jaxsim.envs.wrappers import AutoReset
-    from jaxsim.rl import distributed
 
-    env, mesh = AutoReset(env=jaxsim.envs.make(name)), distributed.device_mesh()
-    split = PartitionSpec(distributed.AXIS)
+    env, mesh = AutoReset(env=jaxsim.envs.make(name)), device_mesh()
 
     def advance(state, key):
         def body(state, key):
@@ -64,8 +62,8 @@ def _compiled(name: str, batch: int, steps: int):
 
         return jax.lax.scan(body, state, jax.random.split(key, steps))[0]
 
-    reset = distributed.parallel(jaxsim.vmap(env.reset), mesh, split, split)
-    step = distributed.parallel(jaxsim.vmap(advance), mesh, (split, split), split)
+    reset = parallel(jaxsim.vmap(env.reset), mesh, SPLIT, SPLIT)
+    step = parallel(jaxsim.vmap(advance), mesh, (SPLIT, SPLIT), SPLIT)
     keys = jax.random.split(jax.random.key(0), batch)
     state = reset(keys)
     return lambda: jax.block_until_ready(step(state, keys))

@@ -110,3 +110,13 @@ def test_throughput_of_all_cores(tmp_path):
     assert [row["peer"] for row in record["rows"]] == ["jaxsim", "mujoco"]
     assert all(np.isfinite(row["steps/s"]) for row in record["rows"])
     assert record["rows"][0]["qacc error"] < 1e-3
+
+
+@pytest.mark.parametrize("way", ["_compiled", "_vector", "_brax"])
+def test_environments_are_stepped(way, monkeypatch):
+    monkeypatch.syspath_prepend(str(SCRIPTS))
+    if way == "_brax":
+        pytest.importorskip("brax")
+    import environments
+
+    getattr(environments, way)("inverted_pendulum", 4, 2)()
