@@ -112,11 +112,9 @@ def test_throughput_of_all_cores(tmp_path):
     assert record["rows"][0]["qacc error"] < 1e-3
 
 
-@pytest.mark.parametrize("way", ["_compiled", "_vector", "_brax"])
+@pytest.mark.parametrize("way", ["_compiled", "_vector"])
 def test_environments_are_stepped(way, monkeypatch):
     monkeypatch.syspath_prepend(str(SCRIPTS))
-    if way == "_brax":
-        pytest.importorskip("brax")
     import environments
 
     getattr(environments, way)("inverted_pendulum", 4, 2)()
