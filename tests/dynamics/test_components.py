@@ -154,7 +154,7 @@ def states(model, rng, count=8):
     return jax.vmap(lambda q, v: state.replace(qpos=q, qvel=v))(qpos, qvel)
 
 
-USUAL = ("pyramidal3", "elliptic6", "coupled", "coupled, iterative", "connected")
+USUAL = ("pyramidal3", "elliptic6", "coupled", "connected")
 MARKED = [p if p in USUAL else pytest.param(p, marks=pytest.mark.slow) for p in PROBLEMS]
 
 
@@ -185,9 +185,8 @@ def test_planar_derivatives_are_those_of_the_whole_recursions(rng, x64):
         return jaxsim.step(model, state.replace(qpos=qpos), jnp.ones(1)).qvel
 
     whole = jax.jit(jax.jacfwd(after, argnums=1))(model, state.qpos)
-    for jacobian in (jax.jacfwd, jax.jacrev):
-        known = jax.jit(jacobian(lambda qpos: after(model, qpos)))(state.qpos)
-        np.testing.assert_allclose(known, whole, rtol=1e-9, atol=1e-9)
+    known = jax.jit(jax.jacrev(lambda qpos: after(model, qpos)))(state.qpos)
+    np.testing.assert_allclose(known, whole, rtol=1e-9, atol=1e-9)
 
 
 def test_derivatives_by_axes_that_leave_the_plane(rng, x64):
