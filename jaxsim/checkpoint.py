@@ -16,7 +16,8 @@ def checkpoint(f: Callable) -> Callable:
     what it needs, except for the constraint solver, whose derivative takes the acceleration only
     (see `jaxsim.solver.implicit`). For one step of a loop that is differentiated:
 
-        state, _ = lax.scan(lambda s, u: (jaxsim.checkpoint(jaxsim.step)(model, s, u), None), ...)
+        step = jaxsim.checkpoint(lambda state, ctrl: jaxsim.step(model, state, ctrl))
+        state, _ = lax.scan(lambda state, ctrl: (step(state, ctrl), None), state, ctrls)
 
     `jaxsim.rollout` does this by itself.
 

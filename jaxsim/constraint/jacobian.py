@@ -19,6 +19,7 @@ from jaxsim.constraint.links import Links, add_at, gather, moves
 from jaxsim.dynamics.components import Components, restrict
 from jaxsim.dynamics.tree import sum_by, take
 from jaxsim.model.topology import Forest
+from jaxsim.solver import weighed
 
 
 class Jacobian(Protocol):
@@ -144,9 +145,9 @@ class LinkRows:
 
     def add_curvature(self, W, diagonal, matrix):
         """`G^T W G` of each side by itself; W is diagonal or in blocks (n, d, d)."""
-        weigh = lambda W, G: W[:, None] * G if W.ndim == 1 else W @ G  # noqa: E731
         for G, link in self.sides:
-            matrix = add_at(matrix, link, jax.vmap(lambda G, W: G.T @ weigh(W, G))(G, W))
+            WG = weighed(W, G)
+            matrix = add_at(matrix, link, jax.vmap(lambda G, WG: G.T @ WG)(G, WG))
         return diagonal, matrix
 
     def dense(self, tree, cdof):
@@ -156,8 +157,7 @@ class LinkRows:
 
     def restricted(self, components):
         """Columns of the maps."""
-        columns = jax.vmap(jax.vmap(lambda row: restrict(components, row)))
-        return LinkRows(tuple((columns(G), link) for G, link in self.sides))
+        return LinkRows(tuple((restrict(components, G), link) for G, link in self.sides))
 
     def _sum(self, f):
         parts = [f(G, link) for G, link in self.sides]

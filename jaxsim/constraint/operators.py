@@ -130,7 +130,7 @@ class TreeOperator:
 def make_operator(model: Model, kin: Kinematics, blocks: list[Block], strategy: str) -> Operator:
     """The operator of a strategy from `STRATEGIES`."""
     components = motion_components(model)
-    cdof = jax.vmap(lambda axis: restrict(components, axis))(kin.cdof)
+    cdof = restrict(components, kin.cdof)
     jacobians = tuple(block.jacobian.restricted(components) for block in blocks)
     if strategy == "dense":
         return DenseOperator(

@@ -73,7 +73,7 @@ def solve_articulated(
       there are the components that `motion_components` lists.
     """
     components = motion_components(model)
-    cdof = jax.vmap(lambda axis: restrict(components, axis))(cdof)
+    cdof = restrict(components, cdof)
     link_matrix = jax.vmap(lambda matrix: restrict_matrix(components, matrix))(link_matrix)
     diagonal, force = to_tree_order(model, diagonal), to_tree_order(model, force)
     x, acceleration = articulated_solve(model.tree, cdof, link_matrix, diagonal, force)

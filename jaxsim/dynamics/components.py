@@ -17,6 +17,7 @@ import numpy as np
 from flax import struct
 from jaxtyping import Array, Float
 
+from jaxsim.dynamics.joints import HINGE, SLIDE
 from jaxsim.dynamics.tree import take
 from jaxsim.model import Model
 from jaxsim.model.structure import Structure
@@ -63,12 +64,12 @@ def with_directions(model: Model, directions: Directions | None) -> Model:
     """The model with these numbers in place of leaves, which a jitted function traces."""
     if directions is None:
         return model
+    known = {}
     with jax.ensure_compile_time_eval():
-        numbers = [jnp.array(x, model.body_quat.dtype) for x in directions]
-    shaped = [
-        x.reshape(getattr(model, name).shape) for name, x in zip(DIRECTIONS, numbers, strict=True)
-    ]
-    return model.replace(**dict(zip(DIRECTIONS, shaped, strict=True)))
+        for name, numbers in zip(DIRECTIONS, directions, strict=True):
+            leaf = getattr(model, name)
+            known[name] = jnp.array(numbers, leaf.dtype).reshape(leaf.shape)
+    return model.replace(**known)
 
 
 def motion_components(model: Model) -> Components:
@@ -80,15 +81,19 @@ def motion_components(model: Model) -> Components:
     return ALL if directions is None else _components(model.structure, *directions)
 
 
-def restrict(components: Components, twist: Float[Array, "6"]) -> Float[Array, "c"]:
-    """These components of a twist or a wrench."""
-    return take(twist, np.array(components))
+def restrict(components: Components, twists: Float[Array, "*n 6"]) -> Float[Array, "*n c"]:
+    """These components of twists or wrenches."""
+    if components == ALL:
+        return twists
+    one = functools.partial(take, index=np.array(components))
+    for _ in twists.shape[:-1]:
+        one = jax.vmap(one)
+    return one(twists)
 
 
 def restrict_matrix(components: Components, matrix: Float[Array, "6 6"]) -> Float[Array, "c c"]:
     """These rows and columns."""
-    rows = restrict(components, matrix)
-    return rows if components == ALL else jax.vmap(lambda row: restrict(components, row))(rows)
+    return restrict(components, take(matrix, np.array(components)))
 
 
 def restrict_inertia(components: Components, inertia: Inertia) -> Inertia | RestrictedInertia:
@@ -100,19 +105,16 @@ def restrict_inertia(components: Components, inertia: Inertia) -> Inertia | Rest
 
 @functools.lru_cache(maxsize=64)
 def _components(structure: Structure, axes, quats) -> Components:
-    kinds = structure.jnt_type
-    hinge, slide = (
-        kinds == int(getattr(mujoco.mjtJoint, f"mjJNT_{k}")) for k in ("HINGE", "SLIDE")
-    )
+    hinge, slide = (structure.jnt_type == kind for kind in (HINGE, SLIDE))
     on_mocap = structure.body_mocapid[structure.body_rootid[structure.jnt_bodyid]] >= 0
-    if not len(kinds) or not (hinge | slide).all() or on_mocap.any():
+    if structure.njnt == 0 or not (hinge | slide).all() or on_mocap.any():
         return ALL
     directions = _world_axes(structure, axes, quats)
     turns, slides = (np.abs(directions[kind]).max(0, initial=0) > 0 for kind in (hinge, slide))
     if turns.sum() > 1:
         return ALL
     # What turns about an axis carries all other things in the plane across it.
-    linear = slides | (~turns if turns.any() else False)
+    linear = slides | ~turns if turns.any() else slides
     return tuple(np.nonzero(np.concatenate([turns, linear]))[0].tolist())
 
 

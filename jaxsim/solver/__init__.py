@@ -5,7 +5,7 @@ from jaxsim.solver.elliptic_cone import EllipticCone
 from jaxsim.solver.huber import Huber
 from jaxsim.solver.implicit import SOLUTION, attach, attach_lifted
 from jaxsim.solver.newton import Solution, SolverStatus, solve
-from jaxsim.solver.operator import Operator
+from jaxsim.solver.operator import Operator, weighed
 from jaxsim.solver.pcg import hessian_product, pcg, pcg_solve
 from jaxsim.solver.problem import Kind, Problem
 from jaxsim.solver.pyramidal_cone import PyramidalCone
@@ -31,4 +31,5 @@ __all__ = [
     "pcg",
     "pcg_solve",
     "solve",
+    "weighed",
 ]

@@ -4,7 +4,7 @@ from flax import struct
 from jax.scipy.linalg import cho_factor, cho_solve
 from jaxtyping import Array, Float
 
-from jaxsim.solver.operator import Rows
+from jaxsim.solver.operator import Rows, weighed
 
 
 @struct.dataclass
@@ -61,8 +61,7 @@ class DenseOperator:
         """`M + J^T W J`."""
         H = self.mass
         for J, W in zip(self.jacobian, curvatures, strict=True):
-            WJ = W @ J if W.ndim == J.ndim else W[..., None] * J
-            H = H + _flat(J).T @ _flat(WJ)
+            H = H + _flat(J).T @ _flat(weighed(W, J))
         return H
 
     def solve(self, curvatures: Rows, r: Float[Array, "nv"]) -> DensePoint:

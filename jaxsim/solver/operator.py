@@ -51,3 +51,8 @@ class Operator(Protocol):
         of shape (n, d, d). The result must be linear in r and differentiable, both ways.
         """
         ...
+
+
+def weighed(W: Array, J: Float[Array, "*rows k"]) -> Float[Array, "*rows k"]:
+    """`W J` of one block of rows, W diagonal or in blocks as in `Operator.solve`."""
+    return W[..., None] * J if W.ndim < J.ndim else W @ J

@@ -26,21 +26,20 @@ PLANAR = """
     <body name="leg" pos="-.2 .02 0">
       <joint axis="0 1 0" stiffness="2" frictionloss=".1"/>
       <geom type="capsule" size=".05" fromto="0 0 0 0 -.05 -.3" condim="{condim}"/>
-      <body pos="0 0 -.3"><joint axis="0 1 0"/><geom size=".07" pos=".05 .04 0"/></body></body>
+      <body pos="0 0 -.3">
+        <joint name="j" axis="0 1 0"/><geom size=".07" pos=".05 .04 0"/></body></body>
   </body>
 </worldbody>
 {more}
 <actuator><motor joint="j"/></actuator></mujoco>
-""".replace('<joint axis="0 1 0"/>', '<joint name="j" axis="0 1 0"/>')
-
-TILTED = jnp.array([[1.0, 0, 0, 0], [0.6, 0.8, 0, 0]])
+"""
 BODY = '<body pos=".1 .2 .3" {frame}>{joints}<geom size=".1"/>{more}</body>'
 SLIDE, HINGE = '<joint type="slide" axis="{}"/>', '<joint axis="{}"/>'
 
 
-def load(joints="", frame="", more="", world=""):
+def mjcf(joints="", frame="", more="", world=""):
     body = BODY.format(joints=joints, frame=frame, more=more)
-    return jaxsim.load(f"<mujoco><worldbody>{body}{world}</worldbody></mujoco>")
+    return f"<mujoco><worldbody>{body}{world}</worldbody></mujoco>"
 
 
 def child(joints, frame=""):
@@ -52,52 +51,54 @@ ON_MOCAP = f"""<mujoco><worldbody>
 
 
 def jointed(joint, frame=""):
-    return load(HINGE.format("0 1 0"), more=child(joint, frame))
+    return mjcf(HINGE.format("0 1 0"), more=child(joint, frame))
 
 
 FOUND = {
-    "hinge": (load(HINGE.format("0 0 -2")), (2, 3, 4)),
-    "slide": (load(SLIDE.format("0 1 0")), (4,)),
-    "slides": (load(SLIDE.format("0 1 0") + SLIDE.format("1 1 0")), (3, 4)),
-    "screw": (load(HINGE.format("1 0 0") + SLIDE.format("1 0 0")), (0, 3, 4, 5)),
-    "half turn": (load(HINGE.format("0 1 0"), 'quat="0 1 0 0"'), (1, 3, 5)),
+    "hinge": (mjcf(HINGE.format("0 0 -2")), (2, 3, 4)),
+    "slide": (mjcf(SLIDE.format("0 1 0")), (4,)),
+    "slides": (mjcf(SLIDE.format("0 1 0") + SLIDE.format("1 1 0")), (3, 4)),
+    "screw": (mjcf(HINGE.format("1 0 0") + SLIDE.format("1 0 0")), (0, 3, 4, 5)),
+    "half turn": (mjcf(HINGE.format("0 1 0"), 'quat="0 1 0 0"'), (1, 3, 5)),
     "turned": (jointed(HINGE.format("0 1 0"), 'quat=".6 0 .8 0"'), (1, 3, 5)),
-    "two trees": (load(HINGE.format("0 1 0"), world=child(SLIDE.format("0 0 1"))), (1, 3, 5)),
-    "quarter": (load(HINGE.format("0 1 0"), 'quat="1 1 0 0"'), ALL),
-    "tilted": (load(HINGE.format("0 1 .01")), ALL),
-    "universal": (load(HINGE.format("0 1 0") + HINGE.format("1 0 0")), ALL),
+    "two trees": (mjcf(HINGE.format("0 1 0"), world=child(SLIDE.format("0 0 1"))), (1, 3, 5)),
+    "quarter": (mjcf(HINGE.format("0 1 0"), 'quat="1 1 0 0"'), ALL),
+    "tilted": (mjcf(HINGE.format("0 1 .01")), ALL),
+    "universal": (mjcf(HINGE.format("0 1 0") + HINGE.format("1 0 0")), ALL),
     "child turned": (jointed(HINGE.format("0 1 0"), 'quat=".6 .8 0 0"'), ALL),
-    "ball": (load('<joint type="ball"/>'), ALL),
-    "free": (load("<freejoint/>", world=child(HINGE.format("0 1 0"))), ALL),
-    "mocap": (jaxsim.load(ON_MOCAP), ALL),
-    "nothing": (load(), ALL),
+    "ball": (mjcf('<joint type="ball"/>'), ALL),
+    "free": (mjcf("<freejoint/>", world=child(HINGE.format("0 1 0"))), ALL),
+    "mocap": (ON_MOCAP, ALL),
+    "nothing": (mjcf(), ALL),
 }
 
 
 @pytest.mark.parametrize("name", FOUND)
 def test_components_are_those_of_the_axes(name):
-    model, expected = FOUND[name]
-    assert motion_components(model) == expected
+    xml, expected = FOUND[name]
+    assert motion_components(jaxsim.load(xml)) == expected
 
 
 @pytest.mark.parametrize("name", FOUND)
 def test_components_left_out_are_zero_in_motion(name, rng):
     """All links' velocities, at random positions and velocities, from the full recursion."""
-    model, components = FOUND[name]
+    xml, components = FOUND[name]
+    model = jaxsim.load(xml)
     kin = jax.jit(jaxsim.dynamics.kinematics.kinematics)(model, rng.standard_normal(model.nq))
     left_out = np.setdiff1d(range(6), components)
     assert not np.asarray(kin.cdof)[:, left_out].any()
 
 
 def test_directions_are_looked_at_as_they_are_now():
-    model = FOUND["hinge"][0]
+    model = jaxsim.load(FOUND["hinge"][0])
     turned = model.replace(jnt_axis=jnp.array([[0.0, 1.0, 0.0]]))
     assert motion_components(turned) == (1, 3, 5)
-    assert motion_components(model.replace(body_quat=TILTED)) == ALL
+    tilted = jnp.array([[1.0, 0, 0, 0], [0.6, 0.8, 0, 0]])
+    assert motion_components(model.replace(body_quat=tilted)) == ALL
 
 
 def test_nothing_is_known_of_what_is_traced():
-    model = FOUND["hinge"][0]
+    model = jaxsim.load(FOUND["hinge"][0])
     seen = []
 
     def look(axis):
@@ -110,7 +111,7 @@ def test_nothing_is_known_of_what_is_traced():
 
 
 def test_directions_survive_jit():
-    model = FOUND["turned"][0]
+    model = jaxsim.load(FOUND["turned"][0])
     seen = []
     known = known_directions(model)
 
