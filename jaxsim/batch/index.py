@@ -8,6 +8,8 @@ so nothing is transposed but the (small) index array.
 import jax.numpy as jnp
 from jax import lax
 
+from jaxsim.batch.fusion import computed
+
 
 def gather(lanes, eqn, values, flags):
     """`lax.gather`; the index vector is the last axis of the indices."""
@@ -30,7 +32,7 @@ def _gather(lanes, rank, values, flags, p, d):
     numbers = lax.GatherDimensionNumbers(
         offset, d.collapsed_slice_dims, d.start_index_map, in_operand, in_indices
     )
-    return lax.gather(
+    found = lax.gather(
         operand,
         indices,
         numbers,
@@ -40,6 +42,8 @@ def _gather(lanes, rank, values, flags, p, d):
         mode=p["mode"],
         fill_value=p["fill_value"],
     )
+    # Number by number as it is, it should not be done again for each use.
+    return computed(found) if flags[1] else found
 
 
 def scatter(lanes, eqn, values, flags):

@@ -1,8 +1,9 @@
 """All contacts of an environment, from the poses of its geoms.
 
-Few candidates: every pair has its own slots, nothing is sorted, and geom ids are static. Many
-candidates (see `Candidates.dynamic`): the pairs that could be closest get the exact geometry, the
-deepest contacts get the slots, and geom ids are traced. Both return the same record.
+Few candidates: every pair has its own slots and geom ids are static. Many candidates (see
+`Candidates.dynamic`): the pairs within reach of each other get the exact geometry, the active
+contacts get the slots, the deepest where there are too many, and geom ids are traced. Both return
+the same record.
 """
 
 import dataclasses
@@ -19,6 +20,7 @@ from jaxsim.collision.candidates import Candidates, PairGroup
 from jaxsim.collision.contact import Contact
 from jaxsim.collision.parameters import contact_margin, contact_parameters
 from jaxsim.collision.rows import Index, rows
+from jaxsim.collision.selection import within_reach
 from jaxsim.collision.shapes import Contacts, Shape
 from jaxsim.collision.table import PAIRS
 
@@ -85,30 +87,28 @@ def _evaluate(
 
 
 def _closest(model: Any, group: PairGroup, shapes: Shape, count: int):
-    """The pairs of a group that could be deepest inside their margin."""
+    """The pairs of a group that could be inside their margin, or could be deepest."""
     ids = group.geom1, group.geom2, group.pair
     bound = jax.vmap(lambda a, b: distance_bound(group.types, a, b))
     # Which pairs are chosen has no derivative, and the bound has none at coincident centres.
     first, second = (lax.stop_gradient(_take(shapes, i)) for i in ids[:2])
     excess = bound(first, second) - lax.stop_gradient(contact_margin(model, *ids))
-    largest, chosen = lax.top_k(-excess, count)
-    lost = jnp.sum(excess < 0) - jnp.sum(largest > 0)
+    chosen, lost = within_reach(excess, count)
     return tuple(_take_ids(i, chosen) for i in ids), lost
 
 
 def _deepest(model: Any, slots: _Slots, count: int) -> tuple[_Slots, Int[Array, ""] | int]:
-    """The `count` slots deepest inside their margin, and how many active ones were left out."""
+    """The slots inside their margin, at most the `count` deepest, and how many were left out."""
     dist = slots.contacts.dist
     if len(dist) <= count:
         return slots, 0
     margin = contact_margin(model, slots.geom1, slots.geom2, slots.pair)
-    excess = lax.stop_gradient(dist - margin.astype(dist.dtype))
-    largest, chosen = lax.top_k(-excess, count)
+    chosen, lost = within_reach(lax.stop_gradient(dist - margin.astype(dist.dtype)), count)
     kept = _Slots(
         jax.tree.map(lambda x: x[chosen], slots.contacts),
         *(_take_ids(i, chosen) for i in (slots.geom1, slots.geom2, slots.pair)),
     )
-    return kept, jnp.sum(excess < 0) - jnp.sum(largest > 0)
+    return kept, lost
 
 
 def _joined(parts: list[_Slots]) -> _Slots:
