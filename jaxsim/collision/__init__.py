@@ -1,7 +1,7 @@
 """Collision detection: shape pairs, candidate pairs of a model, contact parameters, detection."""
 
-from jaxsim.collision.candidates import Candidates, PairGroup, find_candidates
-from jaxsim.collision.contact import Block, Contact
+from jaxsim.collision.candidates import Candidates, PairGroup, find_candidates, is_movable
+from jaxsim.collision.contact import Block, Contact, ContactKind
 from jaxsim.collision.detect import detect
 from jaxsim.collision.parameters import contact_parameters
 from jaxsim.collision.shapes import INACTIVE, Contacts, Shape
@@ -13,6 +13,7 @@ __all__ = [
     "Block",
     "Candidates",
     "Contact",
+    "ContactKind",
     "Contacts",
     "PairFunction",
     "PairGroup",
@@ -20,4 +21,5 @@ __all__ = [
     "contact_parameters",
     "detect",
     "find_candidates",
+    "is_movable",
 ]

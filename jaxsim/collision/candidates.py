@@ -13,25 +13,25 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from jaxsim.collision.contact import Block
+from jaxsim.collision.contact import Block, ContactKind
 from jaxsim.collision.table import PAIRS, supported_pairs, type_name
 from jaxsim.model.errors import ModelError
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class PairGroup:
-    """Candidate pairs that share a pair function and a condim; all arrays are (n,) and static.
+    """Candidate pairs that share a pair function and a kind; all arrays are (n,) and static.
 
     Attributes:
       types: the two types of geom, the lower number first.
-      condim: dimension of the contacts.
+      kind: of the contacts.
       geom1: first geom of each pair.
       geom2: second geom of each pair.
       pair: index of the explicit <pair>, -1 for dynamic pairs.
     """
 
     types: tuple[int, int]
-    condim: int
+    kind: ContactKind
     geom1: np.ndarray
     geom2: np.ndarray
     pair: np.ndarray
@@ -50,38 +50,41 @@ class Candidates:
     """The candidate pairs of a model and the budget for them.
 
     Attributes:
-      groups: ordered by condim, then by types.
+      groups: ordered by kind, then by types.
       max_geom_pairs: exact geometry is evaluated for this many pairs of a group; None means all.
-      max_contacts: this many contact slots are kept for each condim; None means all.
+      max_contacts: this many contact slots are kept for each kind of contact, or so many for one
+        kind after the other; None means all.
     """
 
     groups: tuple[PairGroup, ...]
     max_geom_pairs: int | None = None
-    max_contacts: int | None = None
+    max_contacts: int | tuple[int, ...] | None = None
 
     @property
     def dynamic(self) -> bool:
         """Whether slots are assigned at run time, because there are more pairs than the budget."""
         return any(self._pairs(g) < len(g) for g in self.groups) or any(
-            self._slots(groups) < self._available(groups) for _, groups in self.by_condim()
+            slots < self._available(groups)
+            for slots, groups in zip(self._slots(), self.by_kind().values(), strict=True)
         )
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """The blocks of contact slots, one for each condim."""
-        sizes = [(condim, self._slots(groups)) for condim, groups in self.by_condim()]
-        stops = np.cumsum([size for _, size in sizes], dtype=int).tolist()
-        return tuple(Block(c, stop - n, stop) for (c, n), stop in zip(sizes, stops, strict=True))
+        """The blocks of contact slots, one for each kind."""
+        stops = np.cumsum(self._slots(), dtype=int).tolist()
+        starts = [0, *stops][:-1]
+        kinds = self.by_kind()
+        return tuple(Block(*ends, kind) for *ends, kind in zip(starts, stops, kinds, strict=True))
 
     @property
     def ncon(self) -> int:
         """Number of contact slots."""
-        return sum(self._slots(groups) for _, groups in self.by_condim())
+        return sum(self._slots())
 
-    def by_condim(self) -> list[tuple[int, list[PairGroup]]]:
-        """The groups of each condim, in increasing order."""
-        runs = itertools.groupby(self.groups, key=lambda g: g.condim)
-        return [(condim, list(groups)) for condim, groups in runs]
+    def by_kind(self) -> dict[ContactKind, list[PairGroup]]:
+        """The groups of each kind, in their order."""
+        runs = itertools.groupby(self.groups, key=lambda g: g.kind)
+        return {kind: list(groups) for kind, groups in runs}
 
     def _pairs(self, group: PairGroup) -> int:
         return min(len(group), len(group) if self.max_geom_pairs is None else self.max_geom_pairs)
@@ -89,20 +92,27 @@ class Candidates:
     def _available(self, groups: list[PairGroup]) -> int:
         return sum(self._pairs(g) * g.slots_per_pair for g in groups)
 
-    def _slots(self, groups: list[PairGroup]) -> int:
-        available = self._available(groups)
-        return available if self.max_contacts is None else min(available, self.max_contacts)
+    def _slots(self) -> list[int]:
+        """The number of slots of each kind."""
+        available = [self._available(groups) for groups in self.by_kind().values()]
+        limits = self.max_contacts
+        if limits is None:
+            return available
+        limits = limits if isinstance(limits, tuple) else (limits,) * len(available)
+        return [min(pair) for pair in zip(available, limits, strict=True)]
 
 
 def find_candidates(
-    model: Any, max_geom_pairs: int | None = None, max_contacts: int | None = None
+    model: Any,
+    max_geom_pairs: int | None = None,
+    max_contacts: int | tuple[int, ...] | None = None,
 ) -> Candidates:
     """All geom pairs of a model that could ever generate a contact force.
 
     Args:
       model: a `Model`, a `mujoco.MjModel`, or anything with their fields.
       max_geom_pairs: upper limit on the pairs per group whose exact geometry is evaluated.
-      max_contacts: upper limit on the contact slots kept for each condim.
+      max_contacts: upper limit on the contact slots kept for each kind of contact.
 
     Returns:
       The pairs in a deterministic order.
@@ -112,7 +122,7 @@ def find_candidates(
         positive.
     """
     for name, limit in (("max_geom_pairs", max_geom_pairs), ("max_contacts", max_contacts)):
-        if limit is not None and limit < 1:
+        if limit is not None and np.min(limit, initial=1) < 1:
             raise ModelError(f"{name} must be a positive number or None, got {limit}")
     rows = candidate_pairs(model)
     _check_supported(model, rows)
@@ -158,10 +168,14 @@ def _weld(model: Any, geom: np.ndarray) -> np.ndarray:
 
 
 def _can_move(model: Any, geom1: np.ndarray, geom2: np.ndarray) -> np.ndarray:
-    """Not welded together, and not both without degrees of freedom (world, static or mocap)."""
-    weld1, weld2 = _weld(model, geom1), _weld(model, geom2)
-    dofs = np.asarray(model.body_dofnum)
-    return (weld1 != weld2) & ((dofs[weld1] > 0) | (dofs[weld2] > 0))
+    """Not welded together, and not both immovable."""
+    apart = _weld(model, geom1) != _weld(model, geom2)
+    return apart & (is_movable(model, geom1) | is_movable(model, geom2))
+
+
+def is_movable(model: Any, geom: np.ndarray) -> np.ndarray:
+    """Whether geoms have degrees of freedom; those of the world and of mocap bodies have none."""
+    return np.asarray(model.body_dofnum)[_weld(model, geom)] > 0
 
 
 def _masks_match(model: Any, geom1: np.ndarray, geom2: np.ndarray) -> np.ndarray:
@@ -227,9 +241,14 @@ def _condim(model: Any, rows: np.ndarray) -> np.ndarray:
 
 def _grouped(model: Any, rows: np.ndarray) -> tuple[PairGroup, ...]:
     types = np.asarray(model.geom_type)[rows[:, :2]]
-    keys = sorted(zip(_condim(model, rows).tolist(), types.tolist(), rows.tolist(), strict=True))
+    movable = is_movable(model, rows[:, :2])
+    kinds = [
+        ContactKind(condim, tuple(sides))
+        for condim, sides in zip(_condim(model, rows).tolist(), movable.tolist(), strict=True)
+    ]
+    keys = sorted(zip(kinds, types.tolist(), rows.tolist(), strict=True))
     groups = []
-    for (condim, pair_types), members in itertools.groupby(keys, key=lambda k: (k[0], tuple(k[1]))):
+    for (kind, pair_types), members in itertools.groupby(keys, key=lambda k: (k[0], tuple(k[1]))):
         geom1, geom2, pair = np.array([row for _, _, row in members]).T
-        groups.append(PairGroup(pair_types, condim, geom1, geom2, pair))
+        groups.append(PairGroup(pair_types, kind, geom1, geom2, pair))
     return tuple(groups)

@@ -1,19 +1,37 @@
 """`Contact`: everything that the constraint solver needs to know about the contacts."""
 
 import dataclasses
+from typing import NamedTuple
 
 import numpy as np
 from flax import struct
 from jaxtyping import Array, Bool, Float, Int
 
 
-@dataclasses.dataclass(frozen=True)
-class Block:
-    """Contact slots `start:stop`, which all have the same dimension `condim`."""
+class ContactKind(NamedTuple):
+    """What is known of a contact before it happens.
+
+    Attributes:
+      condim: its dimension.
+      movable: whether its first and its second geom have degrees of freedom.
+    """
 
     condim: int
+    movable: tuple[bool, bool]
+
+
+@dataclasses.dataclass(frozen=True)
+class Block:
+    """Contact slots `start:stop`, which are all of one kind."""
+
     start: int
     stop: int
+    kind: ContactKind
+
+    @property
+    def condim(self) -> int:
+        """Dimension of the contacts."""
+        return self.kind.condim
 
     @property
     def slots(self) -> slice:
@@ -42,7 +60,7 @@ class Contact:
       pair: index of the explicit <pair> that made the contact, -1 for the others, likewise.
       overflow: number of contacts that did not fit into the slots; may also count contacts that a
         bounding volume could not rule out, so 0 guarantees that nothing was lost.
-      blocks: consecutive blocks of slots of equal condim.
+      blocks: consecutive blocks of slots of one kind.
     """
 
     dist: Float[Array, "nc"]

@@ -50,12 +50,12 @@ def detect(
       geom_xmat: orientations of the geoms, geom to world.
 
     Returns:
-      Contacts in `candidates.ncon` slots, ordered by condim. Distances, positions and frames are
+      Contacts in `candidates.ncon` slots, ordered by kind. Distances, positions and frames are
       differentiable with respect to poses and sizes, parameters with respect to the model.
     """
     shapes = Shape(geom_xpos, geom_xmat, jnp.asarray(model.geom_size, geom_xpos.dtype))
     parts, overflow = [], jnp.zeros((), int)
-    for block, (_, groups) in zip(candidates.blocks, candidates.by_condim(), strict=True):
+    for block, groups in zip(candidates.blocks, candidates.by_kind().values(), strict=True):
         found = [_evaluate(model, g, shapes, candidates.max_geom_pairs) for g in groups]
         slots, lost = _deepest(model, _joined([s for s, _ in found]), block.stop - block.start)
         overflow = overflow + lost + sum(n for _, n in found)

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsim.collision import Contact
+from jaxsim.collision import Contact, ContactKind
 from jaxsim.constraint.block import Block, inverse_where
 from jaxsim.constraint.contact_rows import contact_rows
 from jaxsim.constraint.impedance import MIN_VALUE, response
@@ -22,11 +22,9 @@ ELLIPTIC = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
 
 
 def contact_blocks(scene: Scene, contact: Contact) -> list[Block]:
-    """One block of rows for each contact dimension."""
+    """One block of rows for each kind of contact."""
     return [
-        _block(scene, _slots(contact, b.slots), b.condim)
-        for b in contact.blocks
-        if b.stop > b.start
+        _block(scene, _slots(contact, b.slots), b.kind) for b in contact.blocks if b.stop > b.start
     ]
 
 
@@ -52,10 +50,13 @@ def _slots(contact: Contact, slots: slice):
     return contact.replace(**{name: getattr(contact, name)[slots] for name in fields})
 
 
-def _block(scene: Scene, contact: Contact, condim: int) -> Block:
-    model = scene.model
+def _block(scene: Scene, contact: Contact, kind: ContactKind) -> Block:
+    model, condim = scene.model, kind.condim
     bodies = [_lookup(model.geom_bodyid, g) for g in (contact.geom1, contact.geom2)]
-    links = [_lookup(model.body_link, b) for b in bodies]
+    links = [
+        _lookup(model.body_link, body) if movable else np.full(len(contact.dist), -1)
+        for body, movable in zip(bodies, kind.movable, strict=True)
+    ]
     first, second = (_values(model.body_invweight0, b) for b in bodies)
     weight = first + second
     violation = contact.dist - contact.includemargin
@@ -65,7 +66,7 @@ def _block(scene: Scene, contact: Contact, condim: int) -> Block:
     pyramidal = condim > 1 and model.opt.cone != ELLIPTIC
     cone = _pyramidal_cone if pyramidal else _elliptic_cone
     make = jax.vmap(lambda *a: cone(model.opt, condim, *a))
-    kind = make(
+    rows = make(
         violation,
         velocity,
         weight[:, 0],
@@ -75,8 +76,8 @@ def _block(scene: Scene, contact: Contact, condim: int) -> Block:
         contact.solimp,
     )
     if condim == 1:
-        kind = Unilateral(aref=kind.aref, D=kind.D)
-    return Block(kind, jacobian, violation, velocity, f"contact{condim}")
+        rows = Unilateral(aref=rows.aref, D=rows.D)
+    return Block(rows, jacobian, violation, velocity, f"contact{condim}")
 
 
 def _lookup(table: np.ndarray, index):

@@ -1,23 +1,29 @@
 """How many contacts a model needs slots for."""
 
+import collections
+
 import mujoco
 import numpy as np
 
-from jaxsim.collision import find_candidates
+from jaxsim.collision import ContactKind, find_candidates, is_movable
 from jaxsim.model import Model
 
 # Up to this many slots, every candidate keeps its own: sorting would cost more than it saves.
 FEW_SLOTS = 64
 # Probing: this many states are simulated for this long; the budget is this much above what occurs.
 PROBES, PROBE_STEPS, HEADROOM = 8, 200, 1.5
-# Slots and pairs are rounded up to multiples of this.
-GRAIN = 8
+# Budgets are rounded up to multiples of a grain, and are not smaller than a few.
+GRAIN, FEW = 4, 8
+# Choosing pairs costs as much as the exact geometry of so many times their number.
+CHOICE = 4
+
+Budget = tuple[int | None, int | tuple[int, ...] | None]
 
 
 def contact_budget(
     mj: mujoco.MjModel, model: Model, max_geom_pairs: int | None, max_contacts: int | None
-) -> tuple[int | None, int | None]:
-    """Limits on exact geom pairs (per pair of shapes) and contact slots (per condim).
+) -> Budget:
+    """Limits on exact geom pairs (per pair of shapes) and contact slots (per kind of contact).
 
     Args:
       mj: the compiled model.
@@ -34,18 +40,22 @@ def contact_budget(
     candidates = find_candidates(model, max_geom_pairs, max_contacts)
     if candidates.ncon <= FEW_SLOTS or (max_geom_pairs and max_contacts):
         return max_geom_pairs, max_contacts
-    pairs, contacts = probe(mj)
-    return max_geom_pairs or _rounded(pairs), max_contacts or _rounded(contacts)
+    pairs, contacts = probe(mj, list(candidates.by_kind()))
+    # Bounding volumes let through more pairs than touch.
+    pairs = _rounded(2 * pairs)
+    crowded = max(len(group) for group in candidates.groups) > CHOICE * pairs
+    slots = tuple(_rounded(count) for count in contacts)
+    return max_geom_pairs or (pairs if crowded else None), max_contacts or slots
 
 
-def probe(mj: mujoco.MjModel) -> tuple[int, int]:
-    """Largest numbers of close geom pairs and of contacts while the model moves at random.
+def probe(mj: mujoco.MjModel, kinds: list[ContactKind]) -> tuple[int, list[int]]:
+    """Largest numbers of pairs in contact, and of contacts of each kind, in random motion.
 
-    MuJoCo simulates it from its reference pose and its keyframes under random controls.
+    MuJoCo simulates the model from its reference pose and its keyframes under random controls.
     """
     rng = np.random.default_rng(0)
     data = mujoco.MjData(mj)
-    pairs = contacts = 1
+    pairs, contacts = 0, dict.fromkeys(kinds, 0)
     for k in range(PROBES):
         mujoco.mj_resetData(mj, data)
         if k < mj.nkey:
@@ -54,10 +64,13 @@ def probe(mj: mujoco.MjModel) -> tuple[int, int]:
         for _ in range(PROBE_STEPS):
             data.ctrl[:] = rng.uniform(*_control_range(mj))
             mujoco.mj_step(mj, data)
-            contacts = max(contacts, data.ncon)
-            pairs = max(pairs, len({tuple(g) for g in data.contact.geom}))
-    # Bounding volumes let through more pairs than touch.
-    return 2 * pairs, contacts
+            geoms = data.contact.geom
+            pairs = max(pairs, len(np.unique(geoms, axis=0)))
+            movable = map(tuple, is_movable(mj, geoms).tolist())
+            seen = zip(data.contact.dim.tolist(), movable, strict=True)
+            for kind, count in collections.Counter(seen).items():
+                contacts[kind] = max(contacts[kind], count)
+    return pairs, list(contacts.values())
 
 
 def _control_range(mj: mujoco.MjModel):
@@ -67,4 +80,4 @@ def _control_range(mj: mujoco.MjModel):
 
 
 def _rounded(count: int) -> int:
-    return int(np.ceil(HEADROOM * count / GRAIN) * GRAIN)
+    return max(FEW, int(np.ceil(HEADROOM * count / GRAIN) * GRAIN))

@@ -25,8 +25,9 @@ def load(
     Args:
       source: path of an MJCF or URDF file (`.xml`, `.mjcf`, `.urdf`), the XML itself, the name of
         a bundled model, an `mujoco.MjSpec`, or a compiled `mujoco.MjModel`.
-      max_contacts: contact slots of each condim. None gives every candidate its own slots while
-        they are few; where they are many, it is found by simulating the model for a moment.
+      max_contacts: contact slots of each kind, a condim and which geoms can move. None
+        gives every candidate its own slots while they are few; where they are many, the numbers
+        are found by simulating the model for a moment.
       max_geom_pairs: geom pairs of each kind whose exact geometry is evaluated; None as before.
       hessian: how the constraint solver solves with its Hessian: "articulated" (O(n); nothing may
         couple two moving links), "dense", "iterative", or "auto" for the best of them.

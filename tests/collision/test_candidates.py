@@ -91,12 +91,12 @@ def test_explicit_pairs_bypass_masks_and_excludes_and_replace_the_dynamic_pair()
         <pair geom1="b" geom2="a2" condim="1"/><pair geom1="a" geom2="b" condim="6"/>
         <pair geom1="a" geom2="a2"/></contact></mujoco>""")
     groups = find_candidates(model).groups
-    assert [(g.condim, g.geom1.tolist(), g.geom2.tolist()) for g in groups] == [
+    assert [(g.kind.condim, g.geom1.tolist(), g.geom2.tolist()) for g in groups] == [
         (1, [1], [2]),
         (6, [0], [2]),
     ]
     for group in groups:
-        assert model.pair_dim[group.pair[0]] == group.condim
+        assert model.pair_dim[group.pair[0]] == group.kind.condim
 
 
 def test_condim_follows_priority_and_then_the_larger_one():
@@ -104,7 +104,7 @@ def test_condim_follows_priority_and_then_the_larger_one():
       <geom size=".1" condim="4"/></body></worldbody></mujoco>"""
     for priority, condim in ((0, 4), (1, 1), (-1, 4)):
         model = mujoco.MjModel.from_xml_string(scene.format(priority))
-        assert [g.condim for g in find_candidates(model).groups] == [condim]
+        assert [g.kind.condim for g in find_candidates(model).groups] == [condim]
 
 
 def test_disabled_contacts_leave_no_candidates():
@@ -128,7 +128,7 @@ def test_limits_must_be_positive(limits):
         find_candidates(model, **limits)
 
 
-def test_slots_are_counted_by_condim_and_budget():
+def test_slots_are_counted_by_kind_and_budget():
     model = mujoco.MjModel.from_xml_string("""<mujoco><worldbody>
       <geom type="plane" size="1 1 1"/>
       <body><freejoint/><geom type="capsule" size=".1 .1" condim="1"/></body>
@@ -136,12 +136,15 @@ def test_slots_are_counted_by_condim_and_budget():
       <body><freejoint/><geom size=".1"/></body></worldbody></mujoco>""")
     # plane-capsule 2, plane-sphere 1, sphere-capsule 1, capsule-capsule 2 slots
     every = find_candidates(model)
-    sizes = [(b.condim, b.stop - b.start) for b in every.blocks]
-    assert sizes == [(3, 2 + 1 + 1), (6, 2 + 1 + 2)]
+    sizes = {tuple(b.kind): b.stop - b.start for b in every.blocks}
+    ground, moving = (False, True), (True, True)
+    assert sizes == {(3, ground): 2 + 1, (3, moving): 1, (6, ground): 2, (6, moving): 1 + 2}
     assert (every.ncon, every.dynamic) == (9, False)
-    few = find_candidates(model, max_geom_pairs=1, max_contacts=3)
-    assert [(b.condim, b.start, b.stop) for b in few.blocks] == [(3, 0, 3), (6, 3, 6)]
+    few = find_candidates(model, max_geom_pairs=1, max_contacts=2)
+    assert [(b.start, b.stop) for b in few.blocks] == [(0, 2), (2, 3), (3, 5), (5, 7)]
     assert few.dynamic
+    some = find_candidates(model, max_contacts=(1, 5, 2, 1))
+    assert [(b.start, b.stop) for b in some.blocks] == [(0, 1), (1, 2), (2, 4), (4, 5)]
     assert not find_candidates(model, max_geom_pairs=2, max_contacts=5).dynamic
 
 
