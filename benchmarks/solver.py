@@ -142,7 +142,6 @@ def _program(model, states, batch: int):
 
     import jaxsim
     from jaxsim.constraint import Scene, constrained_acceleration
-    from jaxsim.dynamics.aba import accelerations
     from jaxsim.pipeline import constraint_scene, smooth_dynamics
 
     shape = {}
@@ -151,11 +150,11 @@ def _program(model, states, batch: int):
         smooth = smooth_dynamics(model, state, ctrl)
         scene, contact = constraint_scene(model, state, smooth.kin, smooth.vel)
         shape["contact"], numbers = _split_static(contact)
-        return scene.kin, scene.vel, numbers, *accelerations(model, scene.kin, smooth.qfrc_smooth)
+        return scene.kin, scene.vel, numbers, smooth.qfrc_smooth
 
-    def constrained(state, kin, vel, numbers, *smooth):
+    def constrained(state, kin, vel, numbers, qfrc_smooth):
         scene, contact = Scene(model, kin, vel, state.qpos, state.qvel), shape["contact"](numbers)
-        found = constrained_acceleration(scene, contact, *smooth, state.qacc_warmstart)
+        found = constrained_acceleration(scene, contact, qfrc_smooth, state.qacc_warmstart)
         return found.qacc, found.status.iterations
 
     state, ctrl = states.batch(model, batch)

@@ -235,7 +235,7 @@ def _solve_damped(model: Model, now: Instant, damping: Damping) -> Float[Array, 
     if damping.link_matrix is not None:
         links = links + h * damping.link_matrix
     diagonal = dof_armature(model) + h * damping.diagonal
-    return solve_articulated(model, now.kin.cdof, links, diagonal, now.force)[0]
+    return solve_articulated(model, now.kin.cdof, links, diagonal, now.force)
 
 
 def _derivative(at: Instant, rate: Float[Array, "nv"]):

@@ -9,7 +9,6 @@ from jaxtyping import Array, Float
 
 from jaxsim.collision import Contact, detect, find_candidates
 from jaxsim.constraint import Constrained, Scene, constrained_acceleration
-from jaxsim.dynamics.aba import accelerations
 from jaxsim.dynamics.actuation import Actuation, actuation
 from jaxsim.dynamics.kinematics import Kinematics, kinematics
 from jaxsim.dynamics.passive import PassiveForces, passive_forces
@@ -50,7 +49,6 @@ class Evaluation:
     """Everything at an instant."""
 
     smooth: Smooth
-    qacc_smooth: Float[Array, "nv"]
     contact: Contact
     constrained: Constrained
 
@@ -64,12 +62,9 @@ class Evaluation:
 def evaluate(model: Model, state: State, ctrl: Float[Array, "nu"] | None) -> Evaluation:
     """Forces, contacts and accelerations of a state."""
     smooth = smooth_dynamics(model, state, ctrl)
-    qacc_smooth, link_acc = accelerations(model, smooth.kin, smooth.qfrc_smooth)
     scene, contact = constraint_scene(model, state, smooth.kin, smooth.vel)
-    constrained = constrained_acceleration(
-        scene, contact, qacc_smooth, link_acc, state.qacc_warmstart
-    )
-    return Evaluation(smooth, qacc_smooth, contact, constrained)
+    constrained = constrained_acceleration(scene, contact, smooth.qfrc_smooth, state.qacc_warmstart)
+    return Evaluation(smooth, contact, constrained)
 
 
 def smooth_dynamics(model: Model, state: State, ctrl: Float[Array, "nu"] | None) -> Smooth:

@@ -56,7 +56,7 @@ def body_wrenches(
 
 def _by_id(now: Evaluation, names: tuple[str, ...], n: int) -> Float[Array, "n"]:
     """Row forces of some blocks, placed at the elements to which they belong."""
-    total = jnp.zeros(n, now.qacc_smooth.dtype)
+    total = jnp.zeros(n, now.smooth.qfrc_smooth.dtype)
     for block, force in zip(now.constrained.blocks, now.constrained.forces, strict=True):
         if block.name in names:
             total = total.at[np.array(block.ids, int)].add(force)

@@ -72,9 +72,8 @@ class Candidates:
     def blocks(self) -> tuple[Block, ...]:
         """The blocks of contact slots, one for each kind."""
         stops = np.cumsum(self._slots(), dtype=int).tolist()
-        starts = [0, *stops][:-1]
-        kinds = self.by_kind()
-        return tuple(Block(*ends, kind) for *ends, kind in zip(starts, stops, kinds, strict=True))
+        blocks = zip([0, *stops], stops, self.by_kind(), strict=False)
+        return tuple(Block(start, stop, kind) for start, stop, kind in blocks)
 
     @property
     def ncon(self) -> int:

@@ -30,7 +30,7 @@ from jaxsim.dynamics.velocity import to_tree_order
 from jaxsim.model import Model
 from jaxsim.model.topology import Forest
 from jaxsim.solver import DenseOperator, Operator, pcg_solve
-from jaxsim.solver.operator import Lifted, Rows
+from jaxsim.solver.operator import Rows
 from jaxsim.spatial import Inertia
 
 # Conjugate gradients end when the residual has shrunk by this many units of rounding.
@@ -102,9 +102,9 @@ class TreeOperator:
         """`x1^T M x2`, link by link."""
         return jnp.sum(y1.a * y2.p) + jnp.sum(self.armature * y1.x * y2.x)
 
-    def residual(self, dy: TreePoint, forces: Rows) -> Float[Array, "nv"]:
-        """`J^T f - M dx`."""
-        wrench, force = -dy.p, -self.armature * dy.x
+    def residual(self, y: TreePoint, forces: Rows) -> Float[Array, "nv"]:
+        """`J^T f - M x`."""
+        wrench, force = -y.p, -self.armature * y.x
         for J, f in zip(self.jacobians, forces, strict=True):
             force, wrench = J.add_force(f, force, wrench)
         return force + tree_force(self.tree, self.cdof, wrench)
@@ -141,10 +141,3 @@ def make_operator(model: Model, kin: Kinematics, blocks: list[Block], strategy: 
     armature = to_tree_order(model, dof_armature(model))
     exact = strategy == "articulated"
     return TreeOperator(cdof, inertia, armature, jacobians, model.tree, exact)
-
-
-def lifted(operator: Operator, x: Float[Array, "nv"], a: Float[Array, "njnt c"]) -> Lifted:
-    """`operator.lift(x)` where the accelerations of the links are known."""
-    if isinstance(operator, TreeOperator):
-        return operator.lift_known(x, a)
-    return operator.lift(x)

@@ -11,8 +11,9 @@ from jaxsim.constraint.contact import contact_blocks, contact_forces
 from jaxsim.constraint.equality import equality_blocks
 from jaxsim.constraint.friction import friction_blocks
 from jaxsim.constraint.limit import limit_blocks
-from jaxsim.constraint.operators import lifted, make_operator
+from jaxsim.constraint.operators import make_operator
 from jaxsim.constraint.scene import Scene
+from jaxsim.dynamics.aba import solve_mass
 from jaxsim.dynamics.velocity import from_tree_order, to_tree_order
 from jaxsim.model import Model, ModelError
 from jaxsim.solver import Operator, Problem, SolverStatus, attach_lifted, solve
@@ -59,44 +60,43 @@ def constraint_blocks(scene: Scene, contact: Contact) -> list[Block]:
 def constrained_acceleration(
     scene: Scene,
     contact: Contact,
-    qacc_smooth: Float[Array, "nv"],
-    link_acceleration: Float[Array, "njnt c"],
+    qfrc_smooth: Float[Array, "nv"],
     qacc_warmstart: Float[Array, "nv"],
 ) -> Constrained:
-    """Minimises `1/2 |a - qacc_smooth|_M^2 + s(J a - aref)` over accelerations a.
+    """Minimises `1/2 |a - qacc_smooth|_M^2 + s(J a - aref)`, `M qacc_smooth = qfrc_smooth`.
 
     The derivative is that of the exact minimum, whatever found it: see `jaxsim.solver.implicit`.
 
     Args:
       scene: model, position and velocity.
       contact: the contacts there.
-      qacc_smooth: acceleration without constraints.
-      link_acceleration: of the links, as `qacc_smooth` causes it, tree order.
-      qacc_warmstart: a guess.
+      qfrc_smooth: all generalised forces but those of constraints, minus the bias.
+      qacc_warmstart: a guess of the acceleration; without warm starts `qacc_smooth` is it.
     """
     model = scene.model
     blocks = constraint_blocks(scene, contact)
     operator = make_operator(model, scene.kin, blocks, choose_strategy(model, blocks))
     problem = Problem(tuple(block.kind for block in blocks))
-    smooth = to_tree_order(model, qacc_smooth)
-    status = _unconstrained_status(qacc_smooth)
-    y = y_smooth = lifted(operator, smooth, link_acceleration)
-    if blocks:
-        found = solve(
-            problem,
-            operator,
-            to_tree_order(model, qacc_warmstart),
-            smooth,
-            iterations=model.opt.iterations,
-            ls_iterations=model.opt.ls_iterations,
-            tolerance=model.opt.tolerance,
-            ls_tolerance=model.opt.ls_tolerance,
-            scale=1 / (model.stat.meaninertia * max(1, model.nv)),
-            warmstart=not model.opt.disabled(_WARMSTART_OFF),
-            y_smooth=y_smooth,
-        )
-        y, status = attach_lifted(found.x, problem, operator, smooth), found.status
-    return _outcome(scene, contact, blocks, operator, y, status)
+    force = to_tree_order(model, qfrc_smooth)
+    if not blocks:
+        y = operator.solve((), force)
+        status = _unconstrained_status(-0.5 * force @ operator.vector(y))
+        return _outcome(scene, contact, blocks, operator, y, status)
+    if model.opt.disabled(_WARMSTART_OFF):
+        qacc_warmstart = solve_mass(model, scene.kin, qfrc_smooth)
+    found = solve(
+        problem,
+        operator,
+        force,
+        to_tree_order(model, qacc_warmstart),
+        iterations=model.opt.iterations,
+        ls_iterations=model.opt.ls_iterations,
+        tolerance=model.opt.tolerance,
+        ls_tolerance=model.opt.ls_tolerance,
+        scale=1 / (model.stat.meaninertia * max(1, model.nv)),
+    )
+    y = attach_lifted(found.x, problem, operator, force)
+    return _outcome(scene, contact, blocks, operator, y, found.status)
 
 
 def constrained_at(scene: Scene, contact: Contact, qacc: Float[Array, "nv"]) -> Constrained:
@@ -110,7 +110,9 @@ def constrained_at(scene: Scene, contact: Contact, qacc: Float[Array, "nv"]) -> 
     blocks = constraint_blocks(scene, contact)
     operator = make_operator(scene.model, scene.kin, blocks, "articulated")
     y = operator.lift(to_tree_order(scene.model, qacc))
-    return _outcome(scene, contact, blocks, operator, y, _unconstrained_status(qacc))
+    return _outcome(
+        scene, contact, blocks, operator, y, _unconstrained_status(jnp.zeros((), qacc.dtype))
+    )
 
 
 def _outcome(
@@ -159,12 +161,12 @@ def _pulled(operator: Operator, forces, x):
     return operator.residual(operator.lift(jnp.zeros_like(x)), forces)
 
 
-def _unconstrained_status(like: Array) -> SolverStatus:
-    zero = jnp.zeros((), like.dtype)
+def _unconstrained_status(cost: Float[Array, ""]) -> SolverStatus:
+    zero = jnp.zeros_like(cost)
     return SolverStatus(
         iterations=jnp.zeros((), jnp.int32),
         residual=zero,
         improvement=zero,
-        cost=zero,
+        cost=cost,
         finite=jnp.ones((), bool),
     )

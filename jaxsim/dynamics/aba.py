@@ -37,13 +37,6 @@ def forward_dynamics(
 
 def solve_mass(model: Model, kin: Kinematics, force: Float[Array, "nv"]) -> Float[Array, "nv"]:
     """`M^-1 force`, armature included."""
-    return accelerations(model, kin, force)[0]
-
-
-def accelerations(
-    model: Model, kin: Kinematics, force: Float[Array, "nv"]
-) -> tuple[Float[Array, "nv"], Float[Array, "njnt c"]]:
-    """`M^-1 force` and the accelerations of the links that it causes, these in tree order."""
     matrices = jax.vmap(lambda inertia: inertia.as_matrix())(kin.inertia)
     return solve_articulated(model, kin.cdof, matrices, dof_armature(model), force)
 
@@ -54,7 +47,7 @@ def solve_articulated(
     link_matrix: Float[Array, "njnt 6 6"],
     diagonal: Float[Array, "nv"],
     force: Float[Array, "nv"],
-) -> tuple[Float[Array, "nv"], Float[Array, "njnt c"]]:
+) -> Float[Array, "nv"]:
     """Solve with the mass matrix of a tree whose links have arbitrary 6x6 inertias.
 
     `H = sum_links J^T K J + diag(d)`, with K any symmetric matrices such that H is positive
@@ -69,15 +62,15 @@ def solve_articulated(
       force: right-hand side, MuJoCo's order.
 
     Returns:
-      `H^-1 force` in MuJoCo's order, and the accelerations of the links that it causes, of which
-      there are the components that `motion_components` lists.
+      `H^-1 force`, MuJoCo's order.
     """
     components = motion_components(model)
     cdof = restrict(components, cdof)
     link_matrix = jax.vmap(lambda matrix: restrict_matrix(components, matrix))(link_matrix)
     diagonal, force = to_tree_order(model, diagonal), to_tree_order(model, force)
-    x, acceleration = articulated_solve(model.tree, cdof, link_matrix, diagonal, force)
-    return from_tree_order(model, x), acceleration
+    return from_tree_order(
+        model, articulated_solve(model.tree, cdof, link_matrix, diagonal, force)[0]
+    )
 
 
 def articulated_solve(

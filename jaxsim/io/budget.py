@@ -66,10 +66,9 @@ def probe(mj: mujoco.MjModel, kinds: list[ContactKind]) -> tuple[int, list[int]]
             mujoco.mj_step(mj, data)
             geoms = data.contact.geom
             pairs = max(pairs, len(np.unique(geoms, axis=0)))
-            movable = map(tuple, is_movable(mj, geoms).tolist())
-            seen = zip(data.contact.dim.tolist(), movable, strict=True)
-            for kind, count in collections.Counter(seen).items():
-                contacts[kind] = max(contacts[kind], count)
+            sides = zip(data.contact.dim.tolist(), is_movable(mj, geoms).tolist(), strict=True)
+            seen = collections.Counter(ContactKind(dim, (a, b)) for dim, (a, b) in sides)
+            contacts = {kind: max(count, seen[kind]) for kind, count in contacts.items()}
     return pairs, list(contacts.values())
 
 

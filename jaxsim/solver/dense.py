@@ -50,9 +50,9 @@ class DenseOperator:
         """`x1^T M x2`."""
         return y1.x @ y2.mx
 
-    def residual(self, dy: DensePoint, forces: Rows) -> Float[Array, "nv"]:
-        """`J^T f - M dx`."""
-        r = -dy.mx
+    def residual(self, y: DensePoint, forces: Rows) -> Float[Array, "nv"]:
+        """`J^T f - M x`."""
+        r = -y.mx
         for J, f in zip(self.jacobian, forces, strict=True):
             r = r + _flat(J).T @ f.reshape(-1)
         return r

@@ -21,14 +21,14 @@ SOLUTION = "jaxsim_solution"
 
 
 def attach(
-    x: Float[Array, "nv"], problem: Problem, operator: Operator, x_smooth: Float[Array, "nv"]
+    x: Float[Array, "nv"], problem: Problem, operator: Operator, force: Float[Array, "nv"]
 ) -> Float[Array, "nv"]:
     """`attach_lifted` without what the lift adds."""
-    return operator.vector(attach_lifted(x, problem, operator, x_smooth))
+    return operator.vector(attach_lifted(x, problem, operator, force))
 
 
 def attach_lifted(
-    x: Float[Array, "nv"], problem: Problem, operator: Operator, x_smooth: Float[Array, "nv"]
+    x: Float[Array, "nv"], problem: Problem, operator: Operator, force: Float[Array, "nv"]
 ) -> Lifted:
     """Returns the minimiser unchanged, lifted, with its derivatives.
 
@@ -41,13 +41,13 @@ def attach_lifted(
         x: The minimiser.
         problem: The blocks of constraint rows.
         operator: Mass matrix and Jacobian.
-        x_smooth: The minimiser without constraints.
+        force: All forces but those of constraints.
 
     Returns:
-        The lifted x as a function of problem, operator and x_smooth.
+        The lifted x as a function of problem, operator and force.
     """
     y = operator.lift(checkpoint_name(jax.lax.stop_gradient(x), SOLUTION))
-    return _attached(jax.lax.stop_gradient(y), (problem, operator, x_smooth))
+    return _attached(jax.lax.stop_gradient(y), (problem, operator, force))
 
 
 @jax.custom_jvp
@@ -71,6 +71,6 @@ def _attached_jvp(primals, tangents):
 
 
 def _residual(x, theta):
-    problem, operator, x_smooth = theta
-    forces = problem.forces(operator.rows(operator.lift(x)))
-    return operator.residual(operator.lift(x - x_smooth), forces)
+    problem, operator, force = theta
+    y = operator.lift(x)
+    return force + operator.residual(y, problem.forces(operator.rows(y)))

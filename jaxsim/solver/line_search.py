@@ -28,7 +28,7 @@ class Line:
         problem: The blocks of constraint rows.
         start: Residuals `J x - aref` at alpha = 0.
         direction: `J s`.
-        slope: Derivative of the quadratic term at alpha = 0, `s^T M (x - x_smooth)`.
+        slope: Derivative of the quadratic term at alpha = 0, `s^T (M x - force)`.
         bend: Its second derivative, `s^T M s`.
         rounding: What rounding may add to a slope.
         cost_rounding: What rounding may add to the objective.
@@ -61,21 +61,23 @@ class Line:
         return zip(self.problem.blocks, self.start, self.direction, strict=True)
 
 
-def make_line(problem: Problem, operator: Operator, y: Lifted, dy: Lifted, ys: Lifted) -> Line:
-    """The objective from y (dy from x_smooth) along ys."""
+def make_line(
+    problem: Problem, operator: Operator, force: Float[Array, "nv"], y: Lifted, ys: Lifted
+) -> Line:
+    """The objective from y along ys."""
     start, direction = problem.residuals(operator.rows(y)), operator.rows(ys)
-    slope = operator.inner(dy, ys)
-    size, cost = jnp.abs(slope), operator.inner(dy, dy)
+    inertial, given = operator.inner(y, ys), force @ operator.vector(ys)
+    size, cost = jnp.abs(inertial) + jnp.abs(given), operator.inner(y, y)
     for block, r, v in zip(problem.blocks, start, direction, strict=True):
-        force = block.force(r)
-        size = size + jnp.sum(jnp.abs(force * v))
-        cost = cost + jnp.sum(jnp.abs(force * r))
+        pushed = block.force(r)
+        size = size + jnp.sum(jnp.abs(pushed * v))
+        cost = cost + jnp.sum(jnp.abs(pushed * r))
     eps = jnp.finfo(size.dtype).eps
     return Line(
         problem=problem,
         start=start,
         direction=direction,
-        slope=slope,
+        slope=inertial - given,
         bend=operator.inner(ys, ys),
         rounding=8 * eps * size,
         cost_rounding=eps * cost,

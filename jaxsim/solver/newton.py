@@ -1,10 +1,11 @@
 """Newton's method on the primal problem, with an exact line search.
 
-The loop is MuJoCo's: start at the better of the warm start and the unconstrained point, step along
-`s = H^-1 (-gradient)` with the Hessian `H = M + J^T W J` of the current zones, stop when the
-scaled improvement or the scaled gradient falls below the tolerance. Two things are added. A step
-that is not finite is refused and ends the loop. And when a step gains no more than rounding and
-the gradient no longer shrinks, the loop ends whatever the tolerance.
+The loop is MuJoCo's: step along `s = H^-1 (-gradient)` with the Hessian `H = M + J^T W J` of the
+current zones, stop when the scaled improvement or the scaled gradient falls below the tolerance.
+It starts at the warm start. MuJoCo takes the unconstrained point instead where that costs less, for
+which it must be known, at the price of another solve; without active rows one step ends there.
+Two things are added. A step that is not finite is refused and ends the loop. And when a step gains
+no more than rounding and the gradient no longer shrinks, the loop ends whatever the tolerance.
 """
 
 from typing import NamedTuple
@@ -28,7 +29,7 @@ class SolverStatus:
         iterations: Steps taken.
         residual: Norm of the gradient at the solution. Derivatives are exact where it is zero.
         improvement: Decrease of the cost by the last step; infinite without a step.
-        cost: Cost at the solution.
+        cost: Objective at the solution.
         finite: False if a step was refused because it was not finite.
     """
 
@@ -66,7 +67,7 @@ class _Search(NamedTuple):
 
     problem: Problem
     operator: Operator
-    y_smooth: Lifted
+    force: Float[Array, "nv"]
     ls_iterations: int
     tolerance: Float[Array, ""]
     ls_tolerance: Float[Array, ""]
@@ -76,45 +77,42 @@ class _Search(NamedTuple):
 def solve(
     problem: Problem,
     operator: Operator,
-    x_warm: Float[Array, "nv"],
-    x_smooth: Float[Array, "nv"],
+    force: Float[Array, "nv"],
+    x_start: Float[Array, "nv"],
     *,
     iterations: int,
     ls_iterations: int,
     tolerance: float | Float[Array, ""],
     ls_tolerance: float | Float[Array, ""],
     scale: float | Float[Array, ""],
-    warmstart: bool = True,
-    y_smooth: Lifted | None = None,
 ) -> Solution:
-    """Minimises `1/2 |x - x_smooth|_M^2 + s(J x - aref)` over x.
+    """Minimises `1/2 x^T M x - force^T x + s(J x - aref)` over x.
+
+    With `x_smooth = M^-1 force` that is `1/2 |x - x_smooth|_M^2 + s(J x - aref)` and a constant.
 
     The result carries no derivative; `implicit.attach` gives it one.
 
     Args:
         problem: The blocks of constraint rows.
         operator: Mass matrix and Jacobian.
-        x_warm: A guess, used where it costs less than x_smooth.
-        x_smooth: The minimiser without constraints.
+        force: All forces but those of constraints.
+        x_start: Where to begin; zeros if it is not finite.
         iterations: Largest number of Newton steps. With 1 there is no loop.
         ls_iterations: Largest number of slopes that a line search evaluates.
         tolerance: Bound on the scaled improvement and on the scaled gradient norm.
         ls_tolerance: Line searches stop at a slope of `tolerance * ls_tolerance * |s| / scale`.
         scale: Makes costs and gradients dimensionless: the inverse of the trace of M, or of
             `meaninertia * max(1, nv)`, an estimate of it.
-        warmstart: Whether x_warm is looked at.
-        y_smooth: `operator.lift(x_smooth)`, where it is known already.
 
     Returns:
         The minimiser and how it was found.
     """
-    numbers = [jnp.asarray(a, x_smooth.dtype) for a in (tolerance, ls_tolerance, scale)]
-    y_smooth = operator.lift(x_smooth) if y_smooth is None else y_smooth
-    held = (problem, operator, x_warm, y_smooth, numbers)
-    problem, operator, x_warm, y_smooth, numbers = lax.stop_gradient(held)
-    search = _Search(problem, operator, y_smooth, ls_iterations, *numbers)
-    y = _better(search, operator.lift(x_warm)) if warmstart else search.y_smooth
-    state = _run(search, _start(search, y), iterations)
+    numbers = [jnp.asarray(a, force.dtype) for a in (tolerance, ls_tolerance, scale)]
+    held = (problem, operator, force, x_start, numbers)
+    problem, operator, force, x_start, numbers = lax.stop_gradient(held)
+    search = _Search(problem, operator, force, ls_iterations, *numbers)
+    x = jnp.where(jnp.all(jnp.isfinite(x_start)), x_start, 0.0)
+    state = _run(search, _start(search, operator.lift(x)), iterations)
     status = SolverStatus(
         iterations=state.count,
         residual=_norm(_residual(search, state.y)),
@@ -152,7 +150,7 @@ def _step(search: _Search, state: _Iterate) -> _Iterate:
     problem, operator = search.problem, search.operator
     curvatures = problem.curvatures(operator.rows(state.y))
     ys = operator.solve(curvatures, state.residual)
-    line = make_line(problem, operator, state.y, _minus(state.y, search.y_smooth), ys)
+    line = make_line(problem, operator, search.force, state.y, ys)
     length = _norm(operator.vector(ys))
     slope = search.tolerance * search.ls_tolerance * length / search.scale
     alpha, improvement = line_search(line, slope, search.ls_iterations, state.done)
@@ -206,24 +204,12 @@ def _exact(alpha: Array, before: Rows, after: Rows) -> Bool[Array, ""]:
 
 def _residual(search: _Search, y: Lifted) -> Float[Array, "nv"]:
     forces = search.problem.forces(search.operator.rows(y))
-    return search.operator.residual(_minus(y, search.y_smooth), forces)
+    return search.force + search.operator.residual(y, forces)
 
 
 def _cost(search: _Search, y: Lifted) -> Float[Array, ""]:
-    dy = _minus(y, search.y_smooth)
-    gauss = 0.5 * search.operator.inner(dy, dy)
-    return gauss + search.problem.cost(search.operator.rows(y))
-
-
-def _better(search: _Search, y_warm: Lifted) -> Lifted:
-    """The warm start where it is cheaper; a warm start that is not finite never is."""
-    both = jax.tree.map(lambda a, b: jnp.stack([a, b]), y_warm, search.y_smooth)
-    costs = jax.vmap(lambda y: _cost(search, y))(both)
-    return _where(costs[0] < costs[1], y_warm, search.y_smooth)
-
-
-def _minus(a: Lifted, b: Lifted) -> Lifted:
-    return jax.tree.map(jnp.subtract, a, b)
+    quadratic = 0.5 * search.operator.inner(y, y) - search.force @ search.operator.vector(y)
+    return quadratic + search.problem.cost(search.operator.rows(y))
 
 
 def _where(condition: Bool[Array, ""], a: Lifted, b: Lifted) -> Lifted:

@@ -40,8 +40,8 @@ class Operator(Protocol):
         """`x1^T M x2`."""
         ...
 
-    def residual(self, dy: Lifted, forces: Rows) -> Float[Array, "nv"]:
-        """`J^T f - M dx`, with `dy = lift(dx)` and `dx = x - x_smooth`: minus the gradient."""
+    def residual(self, y: Lifted, forces: Rows) -> Float[Array, "nv"]:
+        """`J^T f - M x`; with the other forces added, minus the gradient of the objective."""
         ...
 
     def solve(self, curvatures: Rows, r: Float[Array, "nv"]) -> Lifted:

@@ -2,7 +2,7 @@
 
 The solver minimises over x
 
-    1/2 (x - x_smooth)^T M (x - x_smooth) + sum over blocks of s(J x - aref)
+    1/2 x^T M x - force^T x + sum over blocks of s(J x - aref)
 
 (Todorov 2014, "Convex and analytically-invertible dynamics with contacts and constraints").
 M and J are an `operator.Operator`; the cost s of every block of rows is a `Kind`.

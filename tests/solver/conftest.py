@@ -54,7 +54,7 @@ class Case(NamedTuple):
 
     problem: Problem
     operator: DenseOperator
-    x_smooth: jax.Array
+    force: jax.Array
     x_warm: jax.Array
     scale: float
     qacc: np.ndarray
@@ -92,16 +92,16 @@ def problem_of(model: mujoco.MjModel, data: mujoco.MjData) -> Case:
         blocks.append(EllipticCone(aref[rows[-1]], D[rows[-1]], mu, coefficients))
     cost = np.zeros(1)
     mujoco.mj_constraintUpdate(model, data, jacobian @ data.qacc - data.efc_aref, cost, 0)
-    step = data.qacc - data.qacc_smooth
+    force = mass @ data.qacc_smooth
     return Case(
         problem=Problem(tuple(blocks)),
         operator=DenseOperator(as_array(mass), tuple(as_array(jacobian[r]) for r in rows)),
-        x_smooth=as_array(data.qacc_smooth),
+        force=as_array(force),
         x_warm=as_array(data.qacc_warmstart),
         scale=1 / np.trace(mass),
         qacc=data.qacc.copy(),
         forces=tuple(data.efc_force[r] for r in rows),
-        cost=float(cost[0] + 0.5 * step @ mass @ step),
+        cost=float(cost[0] + 0.5 * data.qacc @ mass @ data.qacc - force @ data.qacc),
     )
 
 
@@ -123,7 +123,7 @@ def scene():
 
 @pytest.fixture
 def random_case():
-    """Function (seed, nv) to (problem, operator, x_smooth) with a block of each kind."""
+    """Function (seed, nv) to (problem, operator, force) with a block of each kind."""
 
     def build(seed: int, nv: int = 7):
         rng = np.random.default_rng(seed)
@@ -144,7 +144,7 @@ def random_case():
         factor = normal(nv, nv)
         mass = factor @ factor.T + 0.5 * jnp.eye(nv, dtype=dtype)
         jacobian = tuple(normal(*block.aref.shape, nv) for block in blocks)
-        return Problem(tuple(blocks)), DenseOperator(mass, jacobian), 2 * normal(nv)
+        return Problem(tuple(blocks)), DenseOperator(mass, jacobian), mass @ (2 * normal(nv))
 
     return build
 
@@ -171,16 +171,16 @@ def random_cone():
     return build
 
 
-compiled_solve = jax.jit(solve, static_argnames=("iterations", "ls_iterations", "warmstart"))
+compiled_solve = jax.jit(solve, static_argnames=("iterations", "ls_iterations"))
 TIGHT = {"iterations": 100, "ls_iterations": 50, "tolerance": 0.0, "ls_tolerance": 0.01, "scale": 1}
 
 
 @pytest.fixture
 def solve_tight():
-    """Function (problem, operator, x_smooth, x_warm) to the converged solution."""
+    """Function (problem, operator, force, x_start) to the converged solution."""
 
-    def build(problem, operator, x_smooth, x_warm=None, **changes):
-        warm = x_smooth if x_warm is None else x_warm
-        return compiled_solve(problem, operator, warm, x_smooth, **(TIGHT | changes))
+    def build(problem, operator, force, x_start=None, **changes):
+        start = jnp.zeros_like(force) if x_start is None else x_start
+        return compiled_solve(problem, operator, force, start, **(TIGHT | changes))
 
     return build

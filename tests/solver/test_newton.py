@@ -18,7 +18,7 @@ def relative(a, b):
 @every_scene
 def test_agrees_with_mujoco(x64, scene, solve_tight, cone, impratio):
     case = scene(cone, impratio)
-    solution = solve_tight(case.problem, case.operator, case.x_smooth, case.x_warm)
+    solution = solve_tight(case.problem, case.operator, case.force, case.x_warm)
     forces = case.problem.forces(case.operator.rows(case.operator.lift(solution.x)))
     assert relative(solution.x, case.qacc) < 1e-6
     for ours, theirs in zip(forces, case.forces, strict=True):
@@ -31,7 +31,7 @@ def test_agrees_with_mujoco(x64, scene, solve_tight, cone, impratio):
 @every_scene
 def test_float32_agrees_with_mujoco(scene, solve_tight, cone, impratio):
     case = scene(cone, impratio)
-    solution = solve_tight(case.problem, case.operator, case.x_smooth, case.x_warm)
+    solution = solve_tight(case.problem, case.operator, case.force, case.x_warm)
     assert solution.x.dtype == jnp.float32
     assert relative(solution.x, case.qacc) < 1e-2
     assert solution.status.iterations < 30
@@ -39,26 +39,26 @@ def test_float32_agrees_with_mujoco(scene, solve_tight, cone, impratio):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_the_gradient_of_the_objective_vanishes(x64, random_case, solve_tight, seed):
-    problem, operator, x_smooth = random_case(seed)
+    problem, operator, force = random_case(seed)
 
     def objective(x):
-        dx = x - x_smooth
-        return 0.5 * dx @ operator.mass @ dx + problem.cost(operator.rows(operator.lift(x)))
+        quadratic = 0.5 * x @ operator.mass @ x - force @ x
+        return quadratic + problem.cost(operator.rows(operator.lift(x)))
 
-    solution = solve_tight(problem, operator, x_smooth)
+    solution = solve_tight(problem, operator, force)
     least, gradient = jax.jit(jax.value_and_grad(objective))(solution.x)
     assert np.abs(gradient).max() < 1e-12
     np.testing.assert_allclose(solution.status.cost, least, rtol=1e-13)
-    away = 0.1 * np.random.default_rng(0).normal(size=(20, x_smooth.size))
+    away = 0.1 * np.random.default_rng(0).normal(size=(20, force.size))
     assert (jax.jit(jax.vmap(objective))(solution.x[None] + away) > least).all()
 
 
 def test_complementarity_of_unilateral_rows(x64, random_case, solve_tight):
     """With nearly rigid rows: no penetration, no pulling, and only one of them non-zero."""
-    _, operator, x_smooth = random_case(0)
+    _, operator, force = random_case(0)
     problem = Problem((Unilateral(jnp.zeros(5), jnp.full(5, 1e8)),))
     operator = DenseOperator(operator.mass, operator.jacobian[2:3])
-    solution = solve_tight(problem, operator, x_smooth)
+    solution = solve_tight(problem, operator, force)
     (r,), (f,) = (
         operator.rows(operator.lift(solution.x)),
         problem.forces(operator.rows(operator.lift(solution.x))),
@@ -97,15 +97,14 @@ def test_the_tolerance_stops_the_loop(x64, random_case, solve_tight):
     np.testing.assert_array_equal(again.x, tight.x)
 
 
-def test_the_cheaper_start_is_used(x64, random_case, solve_tight):
+def test_where_the_search_starts(x64, random_case, solve_tight):
     args = random_case(2)
     good = solve_tight(*args).x
-    start = {"iterations": 0}
-    np.testing.assert_array_equal(solve_tight(*args, good, **start).x, good)
-    for warm in (good + 1e6, jnp.full_like(good, jnp.nan)):
-        np.testing.assert_array_equal(solve_tight(*args, warm, **start).x, args[2])
-    cold = solve_tight(*args, good, warmstart=False, **start)
-    np.testing.assert_array_equal(cold.x, args[2])
+    np.testing.assert_array_equal(solve_tight(*args, good, iterations=0).x, good)
+    broken = good.at[1].set(jnp.nan)
+    np.testing.assert_array_equal(solve_tight(*args, broken, iterations=0).x, 0)
+    for start in (good + 1e3, broken):
+        np.testing.assert_allclose(solve_tight(*args, start).x, good, atol=1e-10)
 
 
 def test_vmap_is_the_solver_of_every_lane(x64, random_case, solve_tight):
@@ -120,47 +119,47 @@ def test_vmap_is_the_solver_of_every_lane(x64, random_case, solve_tight):
 
 @pytest.mark.parametrize("iterations", [1, 100])
 def test_a_step_that_is_not_finite_is_refused(x64, random_case, solve_tight, iterations):
-    problem, operator, x_smooth = random_case(0)
-    broken = operator.replace(mass=-operator.mass - 1e3 * jnp.eye(len(x_smooth)))
-    solution = solve_tight(problem, broken, x_smooth, iterations=iterations)
-    np.testing.assert_array_equal(solution.x, x_smooth)
+    problem, operator, force = random_case(0)
+    broken = operator.replace(mass=-operator.mass - 1e3 * jnp.eye(len(force)))
+    solution = solve_tight(problem, broken, force, iterations=iterations)
+    np.testing.assert_array_equal(solution.x, 0)
     assert not solution.status.finite
     assert solution.status.iterations == 0
 
 
 @pytest.mark.parametrize("nv", [0, 1])
 def test_smallest_problems(random_case, solve_tight, nv):
-    problem, operator, x_smooth = random_case(0, nv)
-    solution = solve_tight(problem, operator, x_smooth)
+    problem, operator, force = random_case(0, nv)
+    solution = solve_tight(problem, operator, force)
     assert solution.x.shape == (nv,)
     assert np.isfinite(solution.status.cost)
 
 
 @pytest.mark.parametrize("iterations", [1, 4])
-def test_without_rows_the_answer_is_smooth(random_case, solve_tight, iterations):
-    _, operator, x_smooth = random_case(0)
-    warm = x_smooth + 1
-    empty = Unilateral(jnp.zeros(0), jnp.zeros(0)), (jnp.zeros((0, len(x_smooth))),)
+def test_without_rows_the_answer_is_smooth(x64, random_case, solve_tight, iterations):
+    _, operator, force = random_case(0)
+    empty = Unilateral(jnp.zeros(0), jnp.zeros(0)), (jnp.zeros((0, len(force))),)
     for blocks, jacobian in (((), ()), ((empty[0],), empty[1])):
         bare = DenseOperator(operator.mass, jacobian)
-        solution = solve_tight(Problem(blocks), bare, x_smooth, warm, iterations=iterations)
-        np.testing.assert_array_equal(solution.x, x_smooth)
+        solution = solve_tight(Problem(blocks), bare, force, iterations=iterations)
+        np.testing.assert_allclose(operator.mass @ solution.x, force, atol=1e-12)
 
 
 def test_padding_changes_nothing(x64, random_case, solve_tight):
     """Rows with D = 0 leave solution and status as they are, whatever their Jacobian."""
-    problem, operator, x_smooth = random_case(3)
+    problem, operator, force = random_case(3)
 
     more = jax.tree.map(lambda a: np.concatenate([a, np.zeros_like(a)]), problem)
     rows = tuple(np.concatenate([J, np.asarray(J) + 1]) for J in operator.jacobian)
-    plain = solve_tight(problem, operator, x_smooth)
-    with_padding = solve_tight(more, DenseOperator(operator.mass, rows), x_smooth)
+    plain = solve_tight(problem, operator, force)
+    with_padding = solve_tight(more, DenseOperator(operator.mass, rows), force)
     np.testing.assert_allclose(with_padding.x, plain.x, atol=1e-13)
-    assert with_padding.status.iterations == plain.status.iterations
+    assert abs(with_padding.status.iterations - plain.status.iterations) <= 1
 
 
 def test_all_rows_inactive(x64, random_case, solve_tight):
-    problem, operator, x_smooth = random_case(0)
+    problem, operator, force = random_case(0)
     off = jax.tree.map(jnp.zeros_like, problem)
-    solution = solve_tight(off, operator, x_smooth, x_smooth + 1)
-    np.testing.assert_array_equal(solution.x, x_smooth)
+    solution = solve_tight(off, operator, force)
+    np.testing.assert_allclose(operator.mass @ solution.x, force, atol=1e-12)
+    assert solution.status.iterations == 1

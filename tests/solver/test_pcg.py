@@ -34,19 +34,19 @@ def test_hessian_product(x64, random_case):
 
 
 def test_newton_with_conjugate_gradients(x64, random_case, solve_tight):
-    problem, operator, x_smooth = random_case(1)
-    dense = solve_tight(problem, operator, x_smooth)
-    free = solve_tight(problem, matrix_free(operator), x_smooth)
+    problem, operator, force = random_case(1)
+    dense = solve_tight(problem, operator, force)
+    free = solve_tight(problem, matrix_free(operator), force)
     np.testing.assert_allclose(free.x, dense.x, atol=1e-10)
 
 
 def test_derivatives(x64, random_case, solve_tight):
     """Reverse mode transposes the solve; second derivatives differentiate it."""
-    problem, operator, x_smooth = random_case(1)
-    x = solve_tight(problem, operator, x_smooth).x
+    problem, operator, force = random_case(1)
+    x = solve_tight(problem, operator, force).x
 
     def total(jacobian, operator):
-        return jnp.sum(attach(x, problem, operator.replace(jacobian=jacobian), x_smooth) ** 2)
+        return jnp.sum(attach(x, problem, operator.replace(jacobian=jacobian), force) ** 2)
 
     dense = jax.jit(jax.grad(total))(operator.jacobian, operator)
     free = jax.jit(jax.grad(total))(operator.jacobian, matrix_free(operator))
