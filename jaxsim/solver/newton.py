@@ -16,7 +16,7 @@ from flax import struct
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsim.solver.line_search import UNROLLED, line_search, make_line
+from jaxsim.solver.line_search import line_search, make_line
 from jaxsim.solver.operator import Lifted, Operator, Rows
 from jaxsim.solver.problem import Problem
 
@@ -153,20 +153,16 @@ def _step(search: _Search, state: _Iterate) -> _Iterate:
     line = make_line(problem, operator, search.force, state.y, ys)
     length = _norm(operator.vector(ys))
     slope = search.tolerance * search.ls_tolerance * length / search.scale
-    full = jax.tree.map(jnp.add, state.y, ys)
-    exact = _exact(curvatures, problem.curvatures(operator.rows(full)))
-    # Searches that are unrolled save nothing by being over.
-    over = state.done | exact if search.ls_iterations > UNROLLED else state.done
-    alpha, improvement = line_search(line, slope, search.ls_iterations, over)
+    alpha, improvement = line_search(line, slope, search.ls_iterations, state.done)
     y = jax.tree.map(lambda a, b: a + alpha * b, state.y, ys)
     residual = _residual(search, y)
     # Nothing that only a further step needs is looked at here: with a single step the compiler
-    # then leaves the new residual and the curvatures of the full step out.
+    # then leaves the new residual out.
     finite = jnp.isfinite(length) & jnp.isfinite(improvement)
     moved = finite & (alpha > 0)
     stop = _converged(search, residual, improvement) | ~jnp.isfinite(_norm(residual))
     stop = stop | _exhausted(state, residual, improvement, line.cost_rounding)
-    stop = stop | exact
+    stop = stop | _exact(alpha, curvatures, problem.curvatures(operator.rows(y)))
     return _Iterate(
         y=_where(moved, y, state.y),
         residual=jnp.where(moved, residual, state.residual),
@@ -195,13 +191,12 @@ def _exhausted(
     return (gained <= rounding) & (_norm(residual) > 0.5 * _norm(state.residual))
 
 
-def _exact(before: Rows, after: Rows) -> Bool[Array, ""]:
-    """Whether the objective is its quadratic model along a full step, whose end is the minimum.
+def _exact(alpha: Array, before: Rows, after: Rows) -> Bool[Array, ""]:
+    """Whether the objective was its quadratic model along a full step, whose end is the minimum.
 
-    Then nothing is to be searched. Rows with piecewise constant curvature change zone at most once
-    along a line; others do not have the same curvature twice.
+    Rows with piecewise constant curvature change zone at most once along a line.
     """
-    exact = jnp.ones((), bool)
+    exact = jnp.abs(alpha - 1) <= 64 * jnp.finfo(alpha.dtype).eps
     for a, b in zip(before, after, strict=True):
         exact = exact & jnp.all(a == b)
     return exact
