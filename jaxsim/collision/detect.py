@@ -126,7 +126,7 @@ def _join_ids(ids: list[Index]) -> Index:
 
 
 def _take_ids(ids: Index, chosen: Int[Array, "n"]) -> Index:
-    """Static where all are the same, say of the ground: the solver then knows what never moves."""
+    """Static where all are the same, say of the ground: what they look up is then not gathered."""
     if isinstance(ids, np.ndarray) and len(set(ids.tolist())) == 1:
         return np.full(chosen.shape[0], ids[0])
     return jnp.asarray(ids)[chosen]

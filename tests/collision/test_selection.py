@@ -12,16 +12,12 @@ from jaxsim.collision.selection import set_places, within_reach
 SIZES = [(2, 1), (31, 4), (32, 31), (33, 32), (65, 64), (300, 7), (2560, 80)]
 
 
-def expected_places(mask, count):
-    return np.nonzero(mask)[0][:count]
-
-
 @pytest.mark.parametrize(("n", "count"), SIZES)
 @pytest.mark.parametrize("share", [0.0, 0.02, 0.5, 1.0])
 def test_places_are_those_of_the_mask(n, count, share, rng):
     mask = rng.random(n) < share
     places = np.asarray(jax.jit(set_places, static_argnums=1)(mask, count))
-    expected = expected_places(mask, count)
+    expected = np.nonzero(mask)[0][:count]
     np.testing.assert_array_equal(places[: len(expected)], expected)
     assert not mask[places[len(expected) :]].any()
 
