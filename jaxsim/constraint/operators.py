@@ -100,7 +100,8 @@ class TreeOperator:
 
     def inner(self, y1: TreePoint, y2: TreePoint) -> Float[Array, ""]:
         """`x1^T M x2`, link by link."""
-        return jnp.sum(y1.a * y2.p) + jnp.sum(self.armature * y1.x * y2.x)
+        links = jnp.einsum("ij,ij->i", y1.a, y2.p)
+        return jnp.sum(links) + jnp.sum(self.armature * y1.x * y2.x)
 
     def residual(self, y: TreePoint, forces: Rows) -> Float[Array, "nv"]:
         """`J^T f - M x`."""

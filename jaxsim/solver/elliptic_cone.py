@@ -61,6 +61,10 @@ class EllipticCone:
         """`cost(r + step) - cost(r)` without the cancellation of that difference."""
         return jnp.sum(self._map(_change, r, step))
 
+    def is_quadratic(self, r: Float[Array, "n d"], end: Float[Array, "n d"]) -> Bool[Array, ""]:
+        """Whether every contact stays in the top or in the bottom zone, which are convex."""
+        return jnp.all(self._map(_is_quadratic, r, end))
+
     def _map(self, function, *rows):
         return jax.vmap(function)(self.D, self.mu, self.friction, *rows)
 
@@ -139,3 +143,9 @@ def _change(D, mu, friction, r, step):
     across = _cost(D, mu, friction, end) - _cost(D, mu, friction, r)
     same = jnp.where(middle0 & middle1, middle, across)
     return jnp.where(bottom0 & bottom1, bottom, same)
+
+
+def _is_quadratic(D, mu, friction, r, end):
+    bottom0, middle0 = _zones(mu, r[0], _tangent(friction, r)[0])
+    bottom1, middle1 = _zones(mu, end[0], _tangent(friction, end)[0])
+    return (D[0] <= 0) | ((bottom0 == bottom1) & ~middle0 & ~middle1)

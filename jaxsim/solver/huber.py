@@ -2,7 +2,7 @@
 
 import jax.numpy as jnp
 from flax import struct
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 
 @struct.dataclass
@@ -49,6 +49,14 @@ class Huber:
         before, after = self._clipped(r), self._clipped(end)
         outside = (r - before) + (end - after)
         return 0.5 * jnp.sum(self.D * ((before + after) * step + (after - before) * outside))
+
+    def is_quadratic(self, r: Float[Array, "*rows"], end: Float[Array, "*rows"]) -> Bool[Array, ""]:
+        """Whether no row changes zone from r to end; the two sides of sliding are two."""
+        return jnp.all(self._zone(r) == self._zone(end))
+
+    def _zone(self, r: Float[Array, "*rows"]) -> Array:
+        """0 where the row sticks, else the sign of r."""
+        return jnp.where(self._sticks(r) | (self.D <= 0), 0.0, jnp.sign(r))
 
     def _sticks(self, r: Float[Array, "*rows"]) -> Array:
         return jnp.abs(self.D * r) < self.floss

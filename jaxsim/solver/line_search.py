@@ -57,28 +57,46 @@ class Line:
             total = total + block.change(r, alpha * v)
         return total
 
+    def is_quadratic(self) -> Bool[Array, ""]:
+        """Whether phi is its quadratic model up to alpha = 1, the minimum of that."""
+        quadratic = jnp.ones((), bool)
+        for block, r, v in self._blocks():
+            quadratic = quadratic & block.is_quadratic(r, r + v)
+        return quadratic
+
     def _blocks(self):
         return zip(self.problem.blocks, self.start, self.direction, strict=True)
 
 
 def make_line(
-    problem: Problem, operator: Operator, force: Float[Array, "nv"], y: Lifted, ys: Lifted
+    problem: Problem,
+    operator: Operator,
+    force: Float[Array, "nv"],
+    residual: Float[Array, "nv"],
+    y: Lifted,
+    ys: Lifted,
 ) -> Line:
-    """The objective from y along ys."""
+    """The objective from y, where minus its gradient is the residual, along ys."""
     start, direction = problem.residuals(operator.rows(y)), operator.rows(ys)
-    inertial, given = operator.inner(y, ys), force @ operator.vector(ys)
-    size, cost = jnp.abs(inertial) + jnp.abs(given), operator.inner(y, y)
-    for block, r, v in zip(problem.blocks, start, direction, strict=True):
+    x, s = operator.vector(y), operator.vector(ys)
+    given, unconstrained = force @ s, force - residual  # the latter is M x - J^T f
+    inertial, cost = unconstrained @ s, unconstrained @ x  # s^T M x, x^T M x
+    size = jnp.abs(given)
+    for block, jx, r, v in zip(problem.blocks, operator.rows(y), start, direction, strict=True):
         pushed = block.force(r)
+        inertial, cost = inertial + jnp.sum(pushed * v), cost + jnp.sum(pushed * jx)
         size = size + jnp.sum(jnp.abs(pushed * v))
         cost = cost + jnp.sum(jnp.abs(pushed * r))
+    size = size + jnp.abs(inertial)
+    bend = operator.inner(ys, ys)
+    inertial, given, bend, size, cost = lax.optimization_barrier((inertial, given, bend, size, cost))
     eps = jnp.finfo(size.dtype).eps
     return Line(
         problem=problem,
         start=start,
         direction=direction,
         slope=inertial - given,
-        bend=operator.inner(ys, ys),
+        bend=bend,
         rounding=8 * eps * size,
         cost_rounding=eps * cost,
     )
@@ -113,7 +131,8 @@ def line_search(
     """
     one, zero = jnp.ones_like(line.bend), jnp.zeros_like(line.bend)
     inf = jnp.full_like(zero, jnp.inf)
-    search = _Search(one, zero, inf, inf, jnp.asarray(done), jnp.zeros((), int))
+    done = done | line.is_quadratic() if iterations > UNROLLED else jnp.asarray(done)
+    search = _Search(one, zero, inf, inf, done, jnp.zeros((), int))
     search = _repeat(lambda s: _advance(line, tolerance, s), search, iterations)
     # The last point may be a Newton step whose cost was never seen; low improves by convexity.
     changes = jax.vmap(line.change)(jnp.stack([search.alpha, search.low]))

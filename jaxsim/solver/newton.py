@@ -17,7 +17,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxsim.solver.line_search import line_search, make_line
-from jaxsim.solver.operator import Lifted, Operator, Rows
+from jaxsim.solver.operator import Lifted, Operator
 from jaxsim.solver.problem import Problem
 
 
@@ -55,8 +55,9 @@ class Solution:
 
 class _Iterate(NamedTuple):
     y: Lifted
-    residual: Float[Array, "nv"]
+    gradient: Float[Array, ""]  # its norm where the last step began
     improvement: Float[Array, ""]
+    exhausted: Bool[Array, ""]  # whether the last step gained only rounding
     count: Int[Array, ""]
     finite: Bool[Array, ""]
     done: Bool[Array, ""]
@@ -112,7 +113,7 @@ def solve(
     problem, operator, force, x_start, numbers = lax.stop_gradient(held)
     search = _Search(problem, operator, force, ls_iterations, *numbers)
     x = jnp.where(jnp.all(jnp.isfinite(x_start)), x_start, 0.0)
-    state = _run(search, _start(search, operator.lift(x)), iterations)
+    state = _run(search, operator.lift(x), iterations)
     status = SolverStatus(
         iterations=state.count,
         residual=_norm(_residual(search, state.y)),
@@ -123,83 +124,51 @@ def solve(
     return Solution(x=operator.vector(state.y), status=status)
 
 
-def _run(search: _Search, state: _Iterate, iterations: int) -> _Iterate:
-    if iterations == 0 or state.residual.size == 0:
+def _run(search: _Search, y: Lifted, iterations: int) -> _Iterate:
+    inf = jnp.full_like(search.scale, jnp.inf)
+    no, yes = jnp.zeros((), bool), jnp.ones((), bool)
+    state = _Iterate(y, inf, inf, no, jnp.zeros((), jnp.int32), yes, no)
+    if iterations == 0 or search.force.size == 0:
         return state
     if iterations == 1:
         return _step(search, state)
+    # Most steps of a simulation end with a full step, for which no loop need run.
+    full = _step(search._replace(ls_iterations=0), state)
     return lax.while_loop(
-        lambda s: ~s.done & (s.count < iterations), lambda s: _step(search, s), state
-    )
-
-
-def _start(search: _Search, y: Lifted) -> _Iterate:
-    residual = _residual(search, y)
-    return _Iterate(
-        y=y,
-        residual=residual,
-        improvement=jnp.full_like(search.scale, jnp.inf),
-        count=jnp.zeros((), jnp.int32),
-        finite=jnp.ones((), bool),
-        done=search.scale * _norm(residual) <= search.tolerance,
+        lambda s: ~s.done & (s.count < iterations), lambda s: _step(search, s), full
     )
 
 
 def _step(search: _Search, state: _Iterate) -> _Iterate:
-    """One Newton step with its line search."""
+    """One Newton step with its line search; without one, the full step if that improves."""
     problem, operator = search.problem, search.operator
+    residual = lax.optimization_barrier(_residual(search, state.y))
+    gradient = _norm(residual)
+    over = search.scale * gradient <= search.tolerance
+    # A step that still converges is told from rounding by the gradient, which it shrinks far more.
+    over = over | (state.exhausted & (gradient > 0.5 * state.gradient))
     curvatures = problem.curvatures(operator.rows(state.y))
-    ys = operator.solve(curvatures, state.residual)
-    line = make_line(problem, operator, search.force, state.y, ys)
+    ys = operator.solve(curvatures, residual)
+    line = make_line(problem, operator, search.force, residual, state.y, ys)
     length = _norm(operator.vector(ys))
     slope = search.tolerance * search.ls_tolerance * length / search.scale
-    alpha, improvement = line_search(line, slope, search.ls_iterations, state.done)
+    found = line_search(line, slope, search.ls_iterations, state.done | over)
+    # What is not known here would be computed again for every number of the points.
+    alpha, improvement = lax.optimization_barrier(found)
+    finite = over | (jnp.isfinite(length) & jnp.isfinite(improvement))
+    moved = lax.optimization_barrier(finite & (alpha > 0) & ~over)
     y = jax.tree.map(lambda a, b: a + alpha * b, state.y, ys)
-    residual = _residual(search, y)
-    # Nothing that only a further step needs is looked at here: with a single step the compiler
-    # then leaves the new residual out.
-    finite = jnp.isfinite(length) & jnp.isfinite(improvement)
-    moved = finite & (alpha > 0)
-    stop = _converged(search, residual, improvement) | ~jnp.isfinite(_norm(residual))
-    stop = stop | _exhausted(state, residual, improvement, line.cost_rounding)
-    stop = stop | _exact(alpha, curvatures, problem.curvatures(operator.rows(y)))
+    small = (search.scale * improvement < search.tolerance) & (improvement > 0)
+    again = jnp.asarray(search.ls_iterations == 0) & finite & ~over
     return _Iterate(
         y=_where(moved, y, state.y),
-        residual=jnp.where(moved, residual, state.residual),
-        improvement=jnp.where(moved, improvement, 0.0),
+        gradient=gradient,
+        improvement=jnp.where(moved, improvement, state.improvement),
+        exhausted=jnp.maximum(improvement, state.improvement) <= line.cost_rounding,
         count=state.count + moved,
         finite=finite,
-        done=stop | ~moved,
+        done=jnp.where(moved, small | line.is_quadratic(), ~again),
     )
-
-
-def _converged(search: _Search, residual: Array, improvement: Array) -> Bool[Array, ""]:
-    """Whether the improvement or the gradient is below the tolerance."""
-    gradient = search.scale * _norm(residual)
-    small = search.scale * improvement < search.tolerance
-    return (small & (improvement > 0)) | (gradient <= search.tolerance)
-
-
-def _exhausted(
-    state: _Iterate, residual: Array, improvement: Array, rounding: Array
-) -> Bool[Array, ""]:
-    """Whether only rounding is left: two steps in a row gained no more than that.
-
-    A step that still converges is told apart by the gradient, which it shrinks far more.
-    """
-    gained = jnp.maximum(improvement, state.improvement)
-    return (gained <= rounding) & (_norm(residual) > 0.5 * _norm(state.residual))
-
-
-def _exact(alpha: Array, before: Rows, after: Rows) -> Bool[Array, ""]:
-    """Whether the objective was its quadratic model along a full step, whose end is the minimum.
-
-    Rows with piecewise constant curvature change zone at most once along a line.
-    """
-    exact = jnp.abs(alpha - 1) <= 64 * jnp.finfo(alpha.dtype).eps
-    for a, b in zip(before, after, strict=True):
-        exact = exact & jnp.all(a == b)
-    return exact
 
 
 def _residual(search: _Search, y: Lifted) -> Float[Array, "nv"]:

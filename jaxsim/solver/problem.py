@@ -10,8 +10,9 @@ M and J are an `operator.Operator`; the cost s of every block of rows is a `Kind
 
 from typing import Protocol
 
+import jax.numpy as jnp
 from flax import struct
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from jaxsim.solver.operator import Rows
 
@@ -47,6 +48,10 @@ class Kind(Protocol):
         """`cost(r + step) - cost(r)`, accurate where the difference of the two is not."""
         ...
 
+    def is_quadratic(self, r: Array, end: Array) -> Bool[Array, ""]:
+        """Whether the cost is one quadratic from r to end: no row changes zone."""
+        ...
+
 
 @struct.dataclass
 class Problem:
@@ -76,3 +81,9 @@ class Problem:
         """Total constraint cost, given `J x`."""
         pairs = zip(self.blocks, self.residuals(rows), strict=True)
         return sum((block.cost(r) for block, r in pairs), start=0.0)
+
+    def is_quadratic(self, before: Rows, after: Rows) -> Bool[Array, ""]:
+        """Whether no row changes zone between two points, given their `J x`."""
+        ends = zip(self.blocks, self.residuals(before), self.residuals(after), strict=True)
+        each = [block.is_quadratic(r, end) for block, r, end in ends]
+        return jnp.all(jnp.array(each, bool))

@@ -13,7 +13,7 @@ and not 2 (d - 1) of them, the same as for an elliptic cone, and forces are forc
 import jax
 import jax.numpy as jnp
 from flax import struct
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from jaxsim.solver.unilateral import change_of_square
 
@@ -68,6 +68,11 @@ class PyramidalCone:
         """`cost(r + step) - cost(r)` without the cancellation of that difference."""
         plus, minus = map(change_of_square, self._edges(r), self._edges(step))
         return 0.5 * jnp.sum(self.D[:, None] * (plus + minus))
+
+    def is_quadratic(self, r: Float[Array, "n d"], end: Float[Array, "n d"]) -> Bool[Array, ""]:
+        """Whether no edge changes zone from r to end."""
+        before, after = self._stiffness(self._edges(r)), self._stiffness(self._edges(end))
+        return jnp.all((before[0] == after[0]) & (before[1] == after[1]))
 
     def _edges(self, r):
         """Residuals (n, d - 1) of the edges on either side."""

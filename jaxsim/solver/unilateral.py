@@ -2,7 +2,7 @@
 
 import jax.numpy as jnp
 from flax import struct
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 
 @struct.dataclass
@@ -39,6 +39,10 @@ class Unilateral:
     def change(self, r: Float[Array, "*rows"], step: Float[Array, "*rows"]) -> Float[Array, ""]:
         """`cost(r + step) - cost(r)` without the cancellation of that difference."""
         return 0.5 * jnp.sum(self.D * change_of_square(r, step))
+
+    def is_quadratic(self, r: Float[Array, "*rows"], end: Float[Array, "*rows"]) -> Bool[Array, ""]:
+        """Whether no row changes zone from r to end."""
+        return jnp.all(self.curvature(r) == self.curvature(end))
 
 
 def change_of_square(r: Float[Array, "*rows"], step: Float[Array, "*rows"]):
