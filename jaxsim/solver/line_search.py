@@ -89,7 +89,9 @@ def make_line(
         cost = cost + jnp.sum(jnp.abs(pushed * r))
     size = size + jnp.abs(inertial)
     bend = operator.inner(ys, ys)
-    inertial, given, bend, size, cost = lax.optimization_barrier((inertial, given, bend, size, cost))
+    inertial, given, bend, size, cost = lax.optimization_barrier(
+        (inertial, given, bend, size, cost)
+    )
     eps = jnp.finfo(size.dtype).eps
     return Line(
         problem=problem,
@@ -100,6 +102,13 @@ def make_line(
         rounding=8 * eps * size,
         cost_rounding=eps * cost,
     )
+
+
+def full_step(line: Line) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """The step 1, if phi is no larger there, and `phi(0) - phi(1)`; else zeros."""
+    change = line.change(jnp.ones_like(line.bend))
+    better = change <= line.rounding
+    return better.astype(change.dtype), jnp.where(better | jnp.isnan(change), -change, 0.0)
 
 
 class _Search(NamedTuple):
@@ -131,8 +140,9 @@ def line_search(
     """
     one, zero = jnp.ones_like(line.bend), jnp.zeros_like(line.bend)
     inf = jnp.full_like(zero, jnp.inf)
-    done = done | line.is_quadratic() if iterations > UNROLLED else jnp.asarray(done)
-    search = _Search(one, zero, inf, inf, done, jnp.zeros((), int))
+    if iterations > UNROLLED:  # what is unrolled saves nothing by having no search to do
+        done = done | line.is_quadratic()
+    search = _Search(one, zero, inf, inf, jnp.asarray(done), jnp.zeros((), int))
     search = _repeat(lambda s: _advance(line, tolerance, s), search, iterations)
     # The last point may be a Newton step whose cost was never seen; low improves by convexity.
     changes = jax.vmap(line.change)(jnp.stack([search.alpha, search.low]))

@@ -4,6 +4,8 @@ The loop is MuJoCo's: step along `s = H^-1 (-gradient)` with the Hessian `H = M 
 current zones, stop when the scaled improvement or the scaled gradient falls below the tolerance.
 It starts at the warm start. MuJoCo takes the unconstrained point instead where that costs less, for
 which it must be known, at the price of another solve; without active rows one step ends there.
+Where no row changes zone along the full step, that step ends at the minimum: nothing is searched
+for, and the solve is over. The first step is tried in full, before the loop, for that reason.
 Two things are added. A step that is not finite is refused and ends the loop. And when a step gains
 no more than rounding and the gradient no longer shrinks, the loop ends whatever the tolerance.
 """
@@ -16,7 +18,7 @@ from flax import struct
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsim.solver.line_search import line_search, make_line
+from jaxsim.solver.line_search import full_step, line_search, make_line
 from jaxsim.solver.operator import Lifted, Operator
 from jaxsim.solver.problem import Problem
 
@@ -132,15 +134,16 @@ def _run(search: _Search, y: Lifted, iterations: int) -> _Iterate:
         return state
     if iterations == 1:
         return _step(search, state)
-    # Most steps of a simulation end with a full step, for which no loop need run.
-    full = _step(search._replace(ls_iterations=0), state)
+    # Most solves in a simulation are over after a full step: for them no loop need run.
     return lax.while_loop(
-        lambda s: ~s.done & (s.count < iterations), lambda s: _step(search, s), full
+        lambda s: ~s.done & (s.count < iterations),
+        lambda s: _step(search, s),
+        _step(search, state, full=True),
     )
 
 
-def _step(search: _Search, state: _Iterate) -> _Iterate:
-    """One Newton step with its line search; without one, the full step if that improves."""
+def _step(search: _Search, state: _Iterate, full: bool = False) -> _Iterate:
+    """One Newton step with its line search, or the full step, if that improves."""
     problem, operator = search.problem, search.operator
     residual = lax.optimization_barrier(_residual(search, state.y))
     gradient = _norm(residual)
@@ -151,15 +154,18 @@ def _step(search: _Search, state: _Iterate) -> _Iterate:
     ys = operator.solve(curvatures, residual)
     line = make_line(problem, operator, search.force, residual, state.y, ys)
     length = _norm(operator.vector(ys))
-    slope = search.tolerance * search.ls_tolerance * length / search.scale
-    found = line_search(line, slope, search.ls_iterations, state.done | over)
-    # What is not known here would be computed again for every number of the points.
+    if full:
+        found = full_step(line)
+    else:
+        slope = search.tolerance * search.ls_tolerance * length / search.scale
+        found = line_search(line, slope, search.ls_iterations, state.done | over)
+    # Without barriers these would be computed again for every number of the points.
     alpha, improvement = lax.optimization_barrier(found)
     finite = over | (jnp.isfinite(length) & jnp.isfinite(improvement))
     moved = lax.optimization_barrier(finite & (alpha > 0) & ~over)
     y = jax.tree.map(lambda a, b: a + alpha * b, state.y, ys)
     small = (search.scale * improvement < search.tolerance) & (improvement > 0)
-    again = jnp.asarray(search.ls_iterations == 0) & finite & ~over
+    given_up = over | ~finite | jnp.asarray(not full)
     return _Iterate(
         y=_where(moved, y, state.y),
         gradient=gradient,
@@ -167,7 +173,7 @@ def _step(search: _Search, state: _Iterate) -> _Iterate:
         exhausted=jnp.maximum(improvement, state.improvement) <= line.cost_rounding,
         count=state.count + moved,
         finite=finite,
-        done=jnp.where(moved, small | line.is_quadratic(), ~again),
+        done=jnp.where(moved, small | line.is_quadratic(), given_up),
     )
 
 

@@ -10,7 +10,6 @@ M and J are an `operator.Operator`; the cost s of every block of rows is a `Kind
 
 from typing import Protocol
 
-import jax.numpy as jnp
 from flax import struct
 from jaxtyping import Array, Bool, Float
 
@@ -81,9 +80,3 @@ class Problem:
         """Total constraint cost, given `J x`."""
         pairs = zip(self.blocks, self.residuals(rows), strict=True)
         return sum((block.cost(r) for block, r in pairs), start=0.0)
-
-    def is_quadratic(self, before: Rows, after: Rows) -> Bool[Array, ""]:
-        """Whether no row changes zone between two points, given their `J x`."""
-        ends = zip(self.blocks, self.residuals(before), self.residuals(after), strict=True)
-        each = [block.is_quadratic(r, end) for block, r, end in ends]
-        return jnp.all(jnp.array(each, bool))

@@ -78,6 +78,36 @@ def test_change_is_the_difference_of_costs(block, size):
 
 
 @every_kind
+def test_what_is_called_quadratic_is(block):
+    """Contact by contact: the cost along the way is its expansion at the start, or it is not."""
+    rows = jax.vmap(lambda i: jax.tree.map(lambda a: jax.lax.dynamic_slice_in_dim(a, i, 1), block))
+
+    @jax.vmap
+    def quadratic_and_error(one, r, end):
+        t = jnp.linspace(0, 1, 41)
+        first, second = one.slopes(r, end - r)
+        cost = jax.vmap(lambda t: one.cost(r + t * (end - r)))(t)
+        expansion = cost[0] + t * first + 0.5 * t**2 * second
+        return one.is_quadratic(r, end), jnp.abs(cost - expansion).max()
+
+    each = rows(jnp.arange(len(block.aref)))
+    seen = {True: 0, False: 0}
+    for seed in range(20):
+        r = residual(block, seed)[:, None]
+        end = r + (0.2, 2.0)[seed % 2] * residual(block, 100 + seed)[:, None]
+        quadratic, error = quadratic_and_error(each, r, end)
+        assert error[quadratic].max(initial=0) < 1e-12
+        # Zones that the way only grazes are told by no number of points.
+        assert (error[~quadratic] > 1e-9).mean() > 0.95 or not len(error[~quadratic])
+        whole = block.is_quadratic(r[:, 0], end[:, 0])
+        assert whole == quadratic.all()
+        seen[True] += int(quadratic.sum())
+        seen[False] += int((~quadratic).sum())
+    assert seen[True] > 20
+    assert seen[False] > 20 or isinstance(block, Quadratic)
+
+
+@every_kind
 def test_padding_contributes_nothing(block):
     r = residual(block)
     off = jax.tree.map(jnp.zeros_like, block)
@@ -87,6 +117,7 @@ def test_padding_contributes_nothing(block):
         assert not np.any(derivative)
     assert not np.any(off.slopes(r, r))
     assert not np.any(off.change(r, r))
+    assert off.is_quadratic(r, -r)
 
 
 @every_kind
@@ -95,6 +126,7 @@ def test_no_rows_cost_nothing(block):
     assert none.cost(none.aref) == 0
     assert none.force(none.aref).shape == none.aref.shape
     assert none.change(none.aref, none.aref) == 0
+    assert none.is_quadratic(none.aref, none.aref)
 
 
 def test_friction_loss_saturates_and_may_be_zero(x64):
