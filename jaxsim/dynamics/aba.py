@@ -83,9 +83,12 @@ def articulated_solve(
     """`solve_articulated` in tree order, of twists with any number of components."""
     c = cdof.shape[1]
     zero = (jnp.zeros((c, c), cdof.dtype), jnp.zeros(c, cdof.dtype))
-    _, factors = inward(tree, _eliminate, zero, link_matrix, (cdof, diagonal, force))
+    _, (gain, offset) = inward(tree, _eliminate, zero, link_matrix, (cdof, diagonal, force))
+    # The parents of the first level do not accelerate, so its gains need not be computed.
+    first = tree.levels[0].ndof if len(tree) else 0
+    gain = jnp.concatenate([jnp.zeros_like(gain[:first]), gain[first:]])
     root = jnp.zeros((tree.nroot, c), cdof.dtype)
-    acceleration, x = outward(tree, _substitute, root, (), (cdof, *factors))
+    acceleration, x = outward(tree, _substitute, root, (), (cdof, gain, offset))
     return x, acceleration
 
 
