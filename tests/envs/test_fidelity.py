@@ -19,12 +19,11 @@ def _chaos(env, plan, expected):
     return np.maximum.accumulate(np.maximum(1e-7, apart))
 
 
-def _compare(env, reference, seed, factor, share=1.0):
-    """Divergence is no more than chaos, and tasks end at the same time.
+def _compare(env, reference, seed):
+    """Both traces, and how many times chaos explains their divergence, step by step.
 
-    Once chaos has grown large, contacts begin at different steps and say no more. Before that a
-    contact that just begins or just does not, which rounding decides, shows as a force for a step:
-    hence `share`, the part of the steps that must obey.
+    Once chaos has grown large, contacts begin at different steps and say no more. Tasks end at the
+    same time.
     """
     plan = script(reference, seed, STEPS)
     expected, found = trace_theirs(reference, plan), trace_ours(env, plan)
@@ -32,10 +31,9 @@ def _compare(env, reference, seed, factor, share=1.0):
     assert np.isfinite(found.obs).all()
     known = chaos < 1e-3
     assert known.sum() >= 10
-    assert (error <= factor * chaos)[known].mean() >= share, (error / chaos)[known].max()
     sure = chaos < 1e-4
     np.testing.assert_array_equal(found.terminated[sure], expected.terminated[sure])
-    return found, expected
+    return found, expected, (error / chaos)[known]
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -43,7 +41,8 @@ def test_the_same_in_float64(x64, name):
     """Exact while nothing is chaotic."""
     env, reference = ours(name), theirs(name, converged=True)
     for seed in range(3):
-        found, expected = _compare(env, reference, seed, 1)
+        found, expected, ratio = _compare(env, reference, seed)
+        assert ratio.max() <= 1
         for x, y in ((found.obs, expected.obs), (found.reward, expected.reward)):
             scale = 1 + np.abs(y).max(0)
             np.testing.assert_allclose(x[:5] / scale, y[:5] / scale, atol=1e-11)
@@ -51,9 +50,14 @@ def test_the_same_in_float64(x64, name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_same_in_float32(name):
+    """Rounding acts in every time step, not once; a contact that it makes begin or not is a force.
+
+    Hence a factor, and the share of the steps that must obey it: of all starts together, as which
+    of them chaos meets is chance.
+    """
     env, reference = ours(name), theirs(name, converged=True)
-    for seed in range(3):
-        _compare(env, reference, seed, 20, share=0.95)
+    ratio = np.concatenate([_compare(env, reference, seed)[2] for seed in range(6)])
+    assert np.mean(ratio <= 20) >= 0.95, ratio.max()
 
 
 @pytest.mark.slow
