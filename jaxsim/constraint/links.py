@@ -58,24 +58,12 @@ def add_at(total: Float[Array, "njnt ..."], links: Links, x, form: Callable = la
     index = np.array(links.static, int)
     (moving,) = np.nonzero(index >= 0)
     touched, place = np.unique(index[moving], return_inverse=True)
-    if 2 * len(touched) > len(total):
-        touched, place = np.arange(len(total)), index[moving]
     sums = jax.tree.map(lambda a: sum_by(take(a, moving), place, len(touched)), x)
-    return _add_rows(total, touched, jax.vmap(form)(sums))
-
-
-def _add_rows(total, rows: np.ndarray, x):
-    """`total.at[rows].add(x)` for increasing rows, by which fewer numbers are touched."""
-    if len(rows) == len(total):
-        return total + x
-    runs = np.split(np.arange(len(rows)), np.nonzero(np.diff(rows) != 1)[0] + 1)
-    parts, end = [], 0
-    for run in runs:
-        if len(run):
-            first, last = rows[run[0]], rows[run[-1]] + 1
-            parts += [total[end:first], total[first:last] + x[run[0] : run[-1] + 1]]
-            end = last
-    return jnp.concatenate([*parts, total[end:]])
+    changed = take(total, touched) + jax.vmap(form)(sums)
+    # Only what changes is added up; the rest of `total` is taken as it is.
+    source = np.arange(len(total))
+    source[touched] = len(total) + np.arange(len(touched))
+    return take(jnp.concatenate([total, changed]), source)
 
 
 def moves(tree: Forest, links: Links, dtype) -> Float[Array, "n nv"]:

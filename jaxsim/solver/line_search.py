@@ -77,18 +77,20 @@ def make_line(
     ys: Lifted,
 ) -> Line:
     """The objective from y, where minus its gradient is the residual, along ys."""
-    start, direction = problem.residuals(operator.rows(y)), operator.rows(ys)
+    rows, direction = operator.rows(y), operator.rows(ys)
+    start = problem.residuals(rows)
     x, s = operator.vector(y), operator.vector(ys)
     given, unconstrained = force @ s, force - residual  # the latter is M x - J^T f
     inertial, cost = unconstrained @ s, unconstrained @ x  # s^T M x, x^T M x
     size = jnp.abs(given)
-    for block, jx, r, v in zip(problem.blocks, operator.rows(y), start, direction, strict=True):
+    for block, jx, r, v in zip(problem.blocks, rows, start, direction, strict=True):
         pushed = block.force(r)
         inertial, cost = inertial + jnp.sum(pushed * v), cost + jnp.sum(pushed * jx)
         size = size + jnp.sum(jnp.abs(pushed * v))
         cost = cost + jnp.sum(jnp.abs(pushed * r))
     size = size + jnp.abs(inertial)
     bend = operator.inner(ys, ys)
+    # Without a barrier they would be computed again for every number that depends on them.
     inertial, given, bend, size, cost = lax.optimization_barrier(
         (inertial, given, bend, size, cost)
     )
@@ -105,10 +107,11 @@ def make_line(
 
 
 def full_step(line: Line) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """The step 1, if phi is no larger there, and `phi(0) - phi(1)`; else zeros."""
-    change = line.change(jnp.ones_like(line.bend))
-    better = change <= line.rounding
-    return better.astype(change.dtype), jnp.where(better | jnp.isnan(change), -change, 0.0)
+    """The step 1 and `phi(0) - phi(1)`, or zeros where phi is larger there."""
+    one = jnp.ones_like(line.bend)
+    change = line.change(one)
+    worse = change > line.rounding
+    return jnp.where(worse, 0.0, one), jnp.where(worse, 0.0, -change)
 
 
 class _Search(NamedTuple):
