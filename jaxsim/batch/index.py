@@ -73,7 +73,9 @@ def dynamic_slice(lanes, eqn, values, flags):
     if not _plain(eqn, values):
         return None
     if not any(flags[1:]):
-        return [lax.dynamic_slice(operand, _with_zero(start), (*sizes, lanes.size))]
+        # The primitive clips; `lax.dynamic_slice` would count from the end once more.
+        options = {**eqn.params, "slice_sizes": (*sizes, lanes.size)}
+        return [eqn.primitive.bind(operand, *_with_zero(start), **options)]
     indices = _stack(lanes, start, flags[1:])
     axes = tuple(range(len(sizes)))
     numbers = lax.GatherDimensionNumbers(axes, (), axes)
@@ -94,7 +96,7 @@ def dynamic_update_slice(lanes, eqn, values, flags):
         return None
     operand, update = lanes.materialise(operand, flags[0]), lanes.materialise(update, flags[1])
     if not any(flags[2:]):
-        return [lax.dynamic_update_slice(operand, update, _with_zero(start))]
+        return [eqn.primitive.bind(operand, update, *_with_zero(start), **eqn.params)]
     indices = jnp.moveaxis(_stack(lanes, start, flags[2:]), -1, -2)
     axes, last = tuple(range(operand.ndim - 1)), operand.ndim - 1
     numbers = lax.ScatterDimensionNumbers(axes, (), axes, (last,), (0,))

@@ -245,6 +245,20 @@ def test_indexing():
     _each_sharing(f, _normal(BATCH, 4, 3), i)
 
 
+@pytest.mark.parametrize("start", [-9, -7, -3, 9])
+def test_slices_from_outside(start):
+    """An index that is still negative after counting from the end is clipped, not counted again."""
+
+    def f(x, y, i):
+        return [
+            x.at[i].get(mode="clip"), lax.dynamic_slice(x, (i, i), (2, 2)),
+            lax.dynamic_update_slice(x, y, (i, i)), lax.dynamic_update_index_in_dim(x, y[0], i, 1),
+        ]  # fmt: skip
+
+    i = jnp.full(BATCH, start)
+    _each_sharing(f, _normal(BATCH, 4, 3), _normal(BATCH, 2, 2), i, derivatives=())
+
+
 def test_updates():
     """The same for scatters."""
 
