@@ -32,17 +32,17 @@ def cholesky(lanes, eqn, values, flags):
 
     def factor(a):
         a = jnp.moveaxis(a, (-3, -2), (0, 1))
-        columns = factor_unrolled(a) if rows <= UNROLL else factor_loop(a)
-        diagonal = jnp.stack([columns[j, j] for j in range(rows)])
-        columns = jnp.where(jnp.all(diagonal > 0, 0)[None, None], columns, jnp.nan)
-        return [jnp.moveaxis(columns, (1, 0), (-3, -2))]
+        lower = factor_unrolled(a) if rows <= UNROLL else factor_loop(a)
+        diagonal = jnp.stack([lower[j, j] for j in range(rows)])
+        lower = jnp.where(jnp.all(diagonal > 0, 0)[None, None], lower, jnp.nan)
+        return [jnp.moveaxis(lower, (0, 1), (-3, -2))]
 
     batched = factor if rows <= UNROLL else _on_cpu(factor, _batch_first(lanes, eqn, flags))
     return with_jvp(lanes, eqn, flags, batched)(*values)
 
 
 def factor_unrolled(a):
-    """Columns of the factor of `a` (n, n, ..., lanes), stacked on axis 0."""
+    """The factor of `a` (n, n, ..., lanes)."""
     columns = []
     for j in range(len(a)):
         column = a[j:, j]
@@ -50,23 +50,23 @@ def factor_unrolled(a):
             column = column - previous[j:] * previous[j][None]
         column = column * lax.rsqrt(column[0])[None]
         columns.append(jnp.concatenate([jnp.zeros_like(a[:j, j]), column]))
-    return jnp.stack(columns)
+    return jnp.stack(columns, 1)
 
 
 def factor_loop(a):
     """The same, one column at a time: a_j minus what the columns before it explain."""
     rows = _row_numbers(a[0])
 
-    def column(j, columns):
-        row_j = lax.dynamic_index_in_dim(columns, j, 1, keepdims=False)
+    def column(j, lower):
+        row_j = lax.dynamic_index_in_dim(lower, j, 0, keepdims=False)
 
         def subtract(k, rest):
-            previous = lax.dynamic_index_in_dim(columns, k, 0, keepdims=False)
+            previous = lax.dynamic_index_in_dim(lower, k, 1, keepdims=False)
             return rest - previous * lax.dynamic_index_in_dim(row_j, k, 0)
 
         rest = lax.fori_loop(0, j, subtract, lax.dynamic_index_in_dim(a, j, 1, keepdims=False))
         scaled = rest * lax.rsqrt(lax.dynamic_index_in_dim(rest, j, 0))
-        return lax.dynamic_update_index_in_dim(columns, jnp.where(rows >= j, scaled, 0), j, 0)
+        return lax.dynamic_update_index_in_dim(lower, jnp.where(rows >= j, scaled, 0), j, 1)
 
     return lax.fori_loop(0, len(a), column, jnp.zeros_like(a))
 
@@ -89,8 +89,7 @@ def triangular_solve(lanes, eqn, values, flags):
 
 
 def _solve_small(p, a, b):
-    a, lower = _orient(p, a)
-    x = substitute_unrolled(a, _axis_in_front(p, b), lower, p["unit_diagonal"])
+    x = substitute_unrolled(*_orient(p, a), _axis_in_front(p, b), p["unit_diagonal"])
     return jnp.moveaxis(x, 0, _solved_axis(p))
 
 
@@ -101,8 +100,7 @@ def _solve_medium(eqn, lanes, flags, a, b):
     def run(p, b):
         def loop(a, b):
             full = a if flags[0] else a[..., None]
-            full, lower = _orient(p, full)
-            x = substitute_loop(full, _axis_in_front(p, b), lower, p["unit_diagonal"])
+            x = substitute_loop(*_triangle(p, full), _axis_in_front(p, b), p["unit_diagonal"])
             return [jnp.moveaxis(x, 0, _solved_axis(p))]
 
         library = _batch_first(lanes, eqn, on, p)
@@ -127,7 +125,7 @@ def _solve_medium(eqn, lanes, flags, a, b):
     )
 
 
-def substitute_unrolled(a, b, lower: bool, unit: bool):
+def substitute_unrolled(a, lower: bool, b, unit: bool):
     """Solves a x = b for triangular a (n, n, ..., 1, lanes) and b (n, ..., m, lanes)."""
     x: dict = {}
     for j in range(len(a)) if lower else reversed(range(len(a))):
@@ -138,13 +136,13 @@ def substitute_unrolled(a, b, lower: bool, unit: bool):
     return jnp.stack([x[j] for j in range(len(a))])
 
 
-def substitute_loop(a, b, lower: bool, unit: bool):
+def substitute_loop(a, column_axis: int, lower: bool, b, unit: bool):
     """The same, eliminating one unknown after another from all remaining rows."""
     rows, n = _row_numbers(b), len(a)
 
     def eliminate(i, rest):
         j = i if lower else n - 1 - i
-        column = lax.dynamic_index_in_dim(a, j, 1, keepdims=False)
+        column = lax.dynamic_index_in_dim(a, j, column_axis, keepdims=False)
         x_j = lax.dynamic_index_in_dim(rest, j, 0)
         if not unit:
             x_j = x_j / lax.dynamic_index_in_dim(column, j, 0)
@@ -155,11 +153,20 @@ def substitute_loop(a, b, lower: bool, unit: bool):
     return lax.fori_loop(0, n, eliminate, b)
 
 
-def _orient(p, a):
-    """The matrix as (n, n, ..., 1, lanes), acting from the left, and whether it is lower."""
+def _triangle(p, a):
+    """The matrix (n, n, ..., 1, lanes), the axis of its columns, and whether it is lower.
+
+    It is not moved: its columns run along axis 0 if it acts from the right or is transposed.
+    """
     flip = p["transpose_a"] == p["left_side"]
-    a = jnp.moveaxis(a, (-2, -3) if flip else (-3, -2), (0, 1))
-    return jnp.expand_dims(a, -2), p["lower"] != flip
+    a = jnp.expand_dims(jnp.moveaxis(a, (-3, -2), (0, 1)), -2)
+    return a, 0 if flip else 1, p["lower"] != flip
+
+
+def _orient(p, a):
+    """The same with the rows in front, and whether it is lower."""
+    a, column_axis, lower = _triangle(p, a)
+    return (a if column_axis == 1 else jnp.swapaxes(a, 0, 1)), lower
 
 
 def _solved_axis(p) -> int:
