@@ -81,19 +81,21 @@ class ContactRows:
         arms = [s.arm for s in self.sides]
         if tree.nroot == 1:  # The links have the same reference point, so the same arms.
             masks, arms = [sum(masks[1:], masks[0])], arms[:1]
-        axes = jax.vmap(jax.vmap(_at_point, in_axes=(0, None)), in_axes=(None, 0))
-        parts = [axes(cdof, arm) * mask[:, :, None] for arm, mask in zip(arms, masks, strict=True)]
-        components = jax.vmap(jax.vmap(self._components, in_axes=(None, 0), out_axes=1))
-        return components(self.frame, sum(parts[1:], parts[0]))
+        maps = [self._map(arm) for arm in arms]
+        parts = [(G @ cdof.T) * mask[:, None] for G, mask in zip(maps, masks, strict=True)]
+        return sum(parts[1:], parts[0])
 
     def restricted(self, components: Components) -> "ContactRows | LinkRows":
         """Maps from the few components, which are smaller than arms and frame."""
         if components == ALL:
             return self
-        wrenches = jax.vmap(self._unit_wrenches)(self.frame)
-        about = jax.vmap(jax.vmap(_about_reference, in_axes=(0, None)))
-        sides = tuple((s.sign * about(wrenches, s.arm), s.link) for s in self.sides)
+        sides = tuple((s.sign * self._map(s.arm), s.link) for s in self.sides)
         return LinkRows(sides).restricted(components)
+
+    def _map(self, arm: Float[Array, "n 3"]) -> Float[Array, "n condim 6"]:
+        """From a link's motion to the rows: the wrenches that the rows' unit forces are."""
+        about = jax.vmap(jax.vmap(_about_reference, in_axes=(0, None)))
+        return about(jax.vmap(self._unit_wrenches)(self.frame), arm)
 
     def _components(self, frame, motion):
         """The rows of a motion (angular, linear) at the contact point."""

@@ -7,6 +7,7 @@ it causes, about the trees' reference points. Of these there are six components,
 the Jacobian was restricted to (`jaxsim.dynamics.components`).
 """
 
+import math
 from typing import Protocol
 
 import jax
@@ -92,7 +93,7 @@ class DofRows:
 class DenseRows:
     """Rows given by a matrix over the degrees of freedom, tree order."""
 
-    J: Float[Array, "n nv"]
+    J: Float[Array, "*rows nv"]
 
     coupled = True
 
@@ -102,11 +103,15 @@ class DenseRows:
 
     def add_force(self, f, force, wrench):
         """Generalised forces only."""
-        return force + self.J.T @ f, wrench
+        return force + self._flat(self.J).T @ f.reshape(-1), wrench
 
     def add_curvature(self, W, diagonal, matrix):
         """The diagonal of `J^T W J`."""
-        return diagonal + jnp.sum(W[:, None] * self.J * self.J, axis=0), matrix
+        return diagonal + jnp.sum(self._flat(weighed(W, self.J) * self.J), axis=0), matrix
+
+    def curvature(self, W) -> Float[Array, "nv nv"]:
+        """`J^T W J`, all of it."""
+        return self._flat(self.J).T @ self._flat(weighed(W, self.J))
 
     def dense(self, tree, cdof):
         """J itself."""
@@ -115,6 +120,10 @@ class DenseRows:
     def restricted(self, components):
         """As it is."""
         return self
+
+    def _flat(self, rows):
+        """All rows along one axis."""
+        return rows.reshape(math.prod(rows.shape[:-1]), rows.shape[-1])
 
 
 @struct.dataclass

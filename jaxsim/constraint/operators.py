@@ -2,18 +2,21 @@
 
 `articulated`: without rows that couple two moving links, H is the mass matrix of the same tree
 with link inertias `I + G^T W G` and joint armatures `d + w`; one walk in, one walk out, O(n).
-`dense`: J and H as matrices, Cholesky. `iterative`: conjugate gradients on products that cost
-O(n), preconditioned by the articulated solve that leaves the coupling out.
-All vectors are in tree order.
+`dense`: that mass matrix by composite bodies, `J^T W J` of the rows that couple, and Cholesky.
+`iterative`: conjugate gradients on products that cost O(n), preconditioned by the articulated solve
+that leaves the coupling out. All vectors are in tree order.
 """
+
+from collections.abc import Iterable
 
 import jax
 import jax.numpy as jnp
 from flax import struct
+from jax.scipy.linalg import cho_factor, cho_solve
 from jaxtyping import Array, Float
 
 from jaxsim.constraint.block import Block
-from jaxsim.constraint.jacobian import Jacobian
+from jaxsim.constraint.jacobian import DenseRows, Jacobian
 from jaxsim.dynamics.aba import articulated_solve
 from jaxsim.dynamics.components import (
     RestrictedInertia,
@@ -21,7 +24,7 @@ from jaxsim.dynamics.components import (
     restrict,
     restrict_inertia,
 )
-from jaxsim.dynamics.crba import composite_mass_matrix_in_tree_order
+from jaxsim.dynamics.crba import composite_matrix
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.dynamics.rnea import tree_force
@@ -29,7 +32,7 @@ from jaxsim.dynamics.tree import accumulate_outward, sum_by
 from jaxsim.dynamics.velocity import to_tree_order
 from jaxsim.model import Model
 from jaxsim.model.topology import Forest
-from jaxsim.solver import DenseOperator, Operator, pcg_solve
+from jaxsim.solver import pcg_solve
 from jaxsim.solver.operator import Rows
 from jaxsim.spatial import Inertia
 
@@ -60,7 +63,7 @@ class TreePoint:
 
 @struct.dataclass
 class TreeOperator:
-    """Products with M and J by walks over the tree; `solve` is articulated or iterative.
+    """Products with M and J by walks over the tree.
 
     Motions of links have the c components of `jaxsim.dynamics.components`.
 
@@ -70,7 +73,7 @@ class TreeOperator:
       armature: of the degrees of freedom.
       jacobians: one per block.
       tree: the links, static.
-      exact: whether the articulated solve is the whole truth, static.
+      strategy: how `solve` does it, one of `STRATEGIES`, static.
     """
 
     cdof: Float[Array, "nv c"]
@@ -78,7 +81,7 @@ class TreeOperator:
     armature: Float[Array, "nv"]
     jacobians: tuple[Jacobian, ...]
     tree: Forest = struct.field(pytree_node=False)
-    exact: bool = struct.field(pytree_node=False)
+    strategy: str = struct.field(pytree_node=False)
 
     def lift(self, x: Float[Array, "nv"]) -> TreePoint:
         """The point with the links' accelerations, momenta and its rows."""
@@ -112,33 +115,48 @@ class TreeOperator:
 
     def solve(self, curvatures: Rows, r: Float[Array, "nv"]) -> TreePoint:
         """The lifted `(M + J^T W J)^-1 r`."""
-        matrix = jax.vmap(lambda inertia: inertia.as_matrix())(self.inertia)
-        diagonal = self.armature
-        for J, W in zip(self.jacobians, curvatures, strict=True):
-            diagonal, matrix = J.add_curvature(W, diagonal, matrix)
+        if self.strategy == "dense" and r.size:  # LAPACK has no empty factor
+            return self.lift(cho_solve(cho_factor(self._hessian(curvatures), lower=True), r))
+        matrix, diagonal = self._uncoupled(zip(self.jacobians, curvatures, strict=True))
 
         def articulated(force):
             return articulated_solve(self.tree, self.cdof, matrix, diagonal, force)
 
-        if self.exact:
+        if self.strategy == "articulated":
             return self.lift_known(*articulated(r))
         tolerance = _CG_ROUNDING * float(jnp.finfo(r.dtype).eps)
         return pcg_solve(
             self, curvatures, r, lambda b: articulated(b)[0], tolerance, _CG_ITERATIONS
         )
 
+    def _hessian(self, curvatures: Rows) -> Float[Array, "nv nv"]:
+        """`M + J^T W J`; the rows that couple are `DenseRows`."""
+        pairs = list(zip(self.jacobians, curvatures, strict=True))
+        matrix, diagonal = self._uncoupled((J, W) for J, W in pairs if not J.coupled)
+        H = composite_matrix(self.tree, self.cdof, RestrictedInertia(matrix), diagonal)
+        for J, W in pairs:
+            if isinstance(J, DenseRows):
+                H = H + J.curvature(W)
+        return H
 
-def make_operator(model: Model, kin: Kinematics, blocks: list[Block], strategy: str) -> Operator:
+    def _uncoupled(self, pairs: Iterable[tuple[Jacobian, Array]]):
+        """Link matrices and the diagonal of M with `J^T W J` of these rows, without coupling."""
+        matrix = jax.vmap(lambda inertia: inertia.as_matrix())(self.inertia)
+        diagonal = self.armature
+        for J, W in pairs:
+            diagonal, matrix = J.add_curvature(W, diagonal, matrix)
+        return matrix, diagonal
+
+
+def make_operator(
+    model: Model, kin: Kinematics, blocks: list[Block], strategy: str
+) -> TreeOperator:
     """The operator of a strategy from `STRATEGIES`."""
     components = motion_components(model)
     cdof = restrict(components, kin.cdof)
-    jacobians = tuple(block.jacobian.restricted(components) for block in blocks)
+    jacobians = [block.jacobian.restricted(components) for block in blocks]
     if strategy == "dense":
-        return DenseOperator(
-            mass=composite_mass_matrix_in_tree_order(model, kin),
-            jacobian=tuple(J.dense(model.tree, cdof) for J in jacobians),
-        )
+        jacobians = [DenseRows(J.dense(model.tree, cdof)) if J.coupled else J for J in jacobians]
     inertia = jax.vmap(lambda inertia: restrict_inertia(components, inertia))(kin.inertia)
     armature = to_tree_order(model, dof_armature(model))
-    exact = strategy == "articulated"
-    return TreeOperator(cdof, inertia, armature, jacobians, model.tree, exact)
+    return TreeOperator(cdof, inertia, armature, tuple(jacobians), model.tree, strategy)

@@ -3,6 +3,8 @@
 Featherstone, Rigid Body Dynamics Algorithms (2008), section 6.2.
 """
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -10,9 +12,10 @@ from jaxtyping import Array, Float
 
 from jaxsim.dynamics.kinematics import Kinematics, kinematics
 from jaxsim.dynamics.reflected import dof_armature
-from jaxsim.dynamics.tree import accumulate_inward, take
+from jaxsim.dynamics.tree import inward
 from jaxsim.dynamics.velocity import from_tree_order, to_tree_order
 from jaxsim.model import Model
+from jaxsim.model.topology import Forest
 
 
 def mass_matrix(model: Model, qpos: Float[Array, "nq"]) -> Float[Array, "nv nv"]:
@@ -27,20 +30,36 @@ def mass_matrix(model: Model, qpos: Float[Array, "nq"]) -> Float[Array, "nv nv"]
 
 def composite_mass_matrix(model: Model, kin: Kinematics) -> Float[Array, "nv nv"]:
     """The mass matrix from known kinematics."""
-    mass = composite_mass_matrix_in_tree_order(model, kin)
+    armature = to_tree_order(model, dof_armature(model))
+    mass = composite_matrix(model.tree, kin.cdof, kin.inertia, armature)
     return from_tree_order(model, from_tree_order(model, mass).T)
 
 
-def composite_mass_matrix_in_tree_order(model: Model, kin: Kinematics) -> Float[Array, "nv nv"]:
-    """`M_ij = cdof_i . (I_c cdof_j)` where i moves j's link, I_c the inertia of j's subtree."""
-    tree = model.tree
-    composite = accumulate_inward(tree, kin.inertia)
-    each = jax.tree.map(lambda a: take(a, tree.dof_node), composite)
-    momentum = jax.vmap(lambda inertia, axis: inertia.apply(axis))(each, kin.cdof)
-    products = momentum @ kin.cdof.T
+def composite_matrix(
+    tree: Forest, cdof: Float[Array, "nv c"], inertia: Any, diagonal: Float[Array, "nv"]
+) -> Float[Array, "nv nv"]:
+    """`H = sum_links J^T K J + diag(d)`, which `aba.articulated_solve` solves, as a matrix.
+
+    `H_ij = cdof_i . (K_c cdof_j)` where i moves j's link, K_c the sum of K over j's subtree.
+
+    Args:
+      tree: the links.
+      cdof: motion axes, tree order.
+      inertia: K of each link, a pytree of sums whose `apply` is the product with a twist.
+      diagonal: d, tree order.
+    """
+    zero = jax.tree.map(lambda a: jnp.zeros(a.shape[1:], a.dtype), inertia)
+    _, momentum = inward(tree, _composite, zero, inertia, cdof)
+    products = momentum @ cdof.T
     # [j, i] where dof i moves the link of dof j; within one joint each dof moves the others.
     related = tree.moves[tree.dof_node]
     lower = jnp.where(related, products, 0)
     same = np.asarray(tree.dof_node[:, None] == tree.dof_node[None, :])
     full = lower + jnp.where(same, 0, lower.T)
-    return full + jnp.diag(to_tree_order(model, dof_armature(model)))
+    return full + jnp.diag(diagonal)
+
+
+def _composite(children, own, axes):
+    """The inertia of a subtree, and its momenta as it moves along the axes of the joint."""
+    total = jax.tree.map(jnp.add, children, own)
+    return total, jax.vmap(total.apply)(axes)

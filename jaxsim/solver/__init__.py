@@ -1,6 +1,5 @@
 """Convex constraint solver: cost kinds, Newton's method, implicit derivatives. No robots here."""
 
-from jaxsim.solver.dense import DenseOperator
 from jaxsim.solver.elliptic_cone import EllipticCone
 from jaxsim.solver.huber import Huber
 from jaxsim.solver.implicit import SOLUTION, attach, attach_lifted
@@ -14,7 +13,6 @@ from jaxsim.solver.unilateral import Unilateral
 
 __all__ = [
     "SOLUTION",
-    "DenseOperator",
     "EllipticCone",
     "Huber",
     "Kind",

@@ -1,7 +1,7 @@
 """What the solver asks of the mass matrix M and the constraint Jacobian J.
 
-An operator hides how `M x`, `J x` and `(M + J^T W J)^-1 r` are found: with dense matrices
-(`dense.DenseOperator`), with conjugate gradients (`pcg.pcg`), or by walks over a tree of bodies.
+An operator hides how `M x`, `J x` and `(M + J^T W J)^-1 r` are found: with matrices, with conjugate
+gradients (`pcg.pcg_solve`), or by walks over a tree of bodies.
 The solver handles points only in *lifted* form, a pytree y that is linear in x and carries
 whatever the operator wants to know about x, say `(x, M x, J x)`. Adding lifted points adds the
 points, so a step along a line never multiplies by M or J again.

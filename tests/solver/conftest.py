@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 import pytest
+from dense_operator import DenseOperator
 
 from jaxsim.solver import (
-    DenseOperator,
     EllipticCone,
     Huber,
     Problem,

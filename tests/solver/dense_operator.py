@@ -1,10 +1,11 @@
-"""The operator made of dense matrices: a Cholesky factor of the Hessian for every step."""
+"""An operator without bodies: dense matrices, a Cholesky factor of the Hessian for every step."""
 
 from flax import struct
 from jax.scipy.linalg import cho_factor, cho_solve
 from jaxtyping import Array, Float
 
-from jaxsim.solver.operator import Rows, weighed
+from jaxsim.solver import weighed
+from jaxsim.solver.operator import Rows
 
 
 @struct.dataclass
@@ -66,8 +67,6 @@ class DenseOperator:
 
     def solve(self, curvatures: Rows, r: Float[Array, "nv"]) -> DensePoint:
         """The lifted `(M + J^T W J)^-1 r`."""
-        if r.size == 0:  # LAPACK has no empty factor
-            return self.lift(r)
         return self.lift(cho_solve(cho_factor(self.hessian(curvatures), lower=True), r))
 
 

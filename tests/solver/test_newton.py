@@ -4,8 +4,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from dense_operator import DenseOperator
 
-from jaxsim.solver import DenseOperator, Problem, Unilateral
+from jaxsim.solver import Problem, Unilateral
 
 SCENES = [("elliptic", 1.0), ("elliptic", 5.0), ("pyramidal", 1.0)]
 every_scene = pytest.mark.parametrize(("cone", "impratio"), SCENES)

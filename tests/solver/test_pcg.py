@@ -6,9 +6,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from dense_operator import DenseOperator
 from flax import struct
 
-from jaxsim.solver import DenseOperator, attach, hessian_product, pcg, pcg_solve
+from jaxsim.solver import attach, hessian_product, pcg, pcg_solve
 
 
 @struct.dataclass
