@@ -130,14 +130,13 @@ class TreeOperator:
         )
 
     def _hessian(self, curvatures: Rows) -> Float[Array, "nv nv"]:
-        """`M + J^T W J`; the rows that couple are `DenseRows`."""
+        """`M + J^T W J`; the rows that couple are `DenseRows`, see `make_operator`."""
         pairs = list(zip(self.jacobians, curvatures, strict=True))
-        matrix, diagonal = self._uncoupled((J, W) for J, W in pairs if not J.coupled)
+        coupled = [(J, W) for J, W in pairs if isinstance(J, DenseRows)]
+        others = [(J, W) for J, W in pairs if not isinstance(J, DenseRows)]
+        matrix, diagonal = self._uncoupled(others)
         H = composite_matrix(self.tree, self.cdof, RestrictedInertia(matrix), diagonal)
-        for J, W in pairs:
-            if isinstance(J, DenseRows):
-                H = H + J.curvature(W)
-        return H
+        return sum((J.curvature(W) for J, W in coupled), H)
 
     def _uncoupled(self, pairs: Iterable[tuple[Jacobian, Array]]):
         """Link matrices and the diagonal of M with `J^T W J` of these rows, without coupling."""

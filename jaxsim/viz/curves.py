@@ -35,7 +35,7 @@ def plot_learning(
         strict=True,
     ):
         for index, (name, rows) in enumerate(runs.items()):
-            _draw(axes, rows, column, name, f"C{index}")
+            _draw(axes, rows, column, name, f"C{index}", "while training" if index == 0 else None)
         if goal is not None:
             axes.axhline(goal, color="gray", linestyle=":")
         axes.set_xlabel(label)
@@ -46,9 +46,17 @@ def plot_learning(
     figure.savefig(path)
 
 
-def _draw(axes: Any, rows: Sequence[Mapping[str, float]], column: str, name: str, color: str):
+def _draw(
+    axes: Any,
+    rows: Sequence[Mapping[str, float]],
+    column: str,
+    name: str,
+    color: str,
+    pale: str | None,
+):
+    """One run; `pale` is the label of the thin line."""
     training = [(row[column], row.get("episode_return", float("nan"))) for row in rows]
-    axes.plot(*zip(*training, strict=True), color=color, alpha=0.3, linewidth=1)
+    axes.plot(*zip(*training, strict=True), color=color, alpha=0.3, linewidth=1, label=pale)
     evaluated = [(row[column], row["eval_return"]) for row in rows if "eval_return" in row]
     if evaluated:
         axes.plot(*zip(*evaluated, strict=True), "o-", color=color, label=name, markersize=3)
