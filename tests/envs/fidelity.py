@@ -77,12 +77,22 @@ def nudged(plan: Script, seed: int, size: float = 1e-7) -> Script:
     return plan.replace(qpos=plan.qpos + size * noise)
 
 
-def trace_theirs(env: gymnasium.Env, plan: Script) -> Trace:
-    """What Gymnasium does; it goes on after the end of the episode, as ours does."""
+def trace_theirs(env: gymnasium.Env, plan: Script, noise: float = 0.0, seed: int = 0) -> Trace:
+    """What Gymnasium does; it goes on after the end of the episode, as ours does.
+
+    With noise, positions and velocities are a little off after every step, as by rounding.
+    """
+    rng = np.random.default_rng(seed)
     env.reset(seed=0)
     env.set_state(plan.qpos, plan.qvel)
     found = [(env._get_obs(), 0.0, False)]
-    found += [env.step(action)[:3] for action in plan.actions]
+    for action in plan.actions:
+        found.append(env.step(action)[:3])
+        if noise:
+            state = env.data.qpos, env.data.qvel
+            env.set_state(
+                *(x + noise * (1 + np.abs(x)) * rng.standard_normal(x.shape) for x in state)
+            )
     obs, reward, terminated = (np.array(x) for x in zip(*found, strict=True))
     return Trace(obs, reward[1:], terminated[1:])
 

@@ -10,16 +10,20 @@ from oracle import quick_jit
 QUICK = ("half_cheetah", "hopper")
 NAMES = [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in sorted(GYMNASIUM)]
 STEPS = 100
+ROUNDING = 3e-8  # of numbers of float32, on average
 
 
-def _chaos(env, plan, expected):
-    """How far MuJoCo gets from itself if started 1e-7 away."""
-    others = [trace_theirs(env, nudged(plan, seed)) for seed in range(3)]
+def _chaos(env, plan, expected, noise):
+    """How far MuJoCo gets from itself if started 1e-7 away, with noise in every step.
+
+    Of several, as few of them meet the contact that begins a step earlier or later.
+    """
+    others = [trace_theirs(env, nudged(plan, seed), noise, seed) for seed in range(10)]
     apart = np.max([divergence(o, expected) for o in others], axis=0)
     return np.maximum.accumulate(np.maximum(1e-7, apart))
 
 
-def _compare(env, reference, seed):
+def _compare(env, reference, seed, noise=0.0):
     """Both traces, and how many times chaos explains their divergence, step by step.
 
     Once chaos has grown large, contacts begin at different steps and say no more. Tasks end at the
@@ -27,10 +31,10 @@ def _compare(env, reference, seed):
     """
     plan = script(reference, seed, STEPS)
     expected, found = trace_theirs(reference, plan), trace_ours(env, plan)
-    error, chaos = divergence(found, expected), _chaos(reference, plan, expected)
+    error, chaos = divergence(found, expected), _chaos(reference, plan, expected, noise)
     assert np.isfinite(found.obs).all()
     known = chaos < 1e-3
-    assert known.sum() >= 10
+    assert known.sum() >= 5
     sure = chaos < 1e-4
     np.testing.assert_array_equal(found.terminated[sure], expected.terminated[sure])
     return found, expected, (error / chaos)[known]
@@ -50,14 +54,11 @@ def test_the_same_in_float64(x64, name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_same_in_float32(name):
-    """Rounding acts in every time step, not once; a contact that it makes begin or not is a force.
-
-    Hence a factor, and the share of the steps that must obey it: of all starts together, as which
-    of them chaos meets is chance.
-    """
+    """Against MuJoCo with its states rounded; a factor for the rounding of all that is computed."""
     env, reference = ours(name), theirs(name, converged=True)
-    ratio = np.concatenate([_compare(env, reference, seed)[2] for seed in range(6)])
-    assert np.mean(ratio <= 20) >= 0.95, ratio.max()
+    for seed in range(6):
+        _, _, ratio = _compare(env, reference, seed, noise=ROUNDING)
+        assert ratio.max() <= 20
 
 
 @pytest.mark.slow
