@@ -122,7 +122,7 @@ class TreeOperator:
         def articulated(force):
             return articulated_solve(self.tree, self.cdof, matrix, diagonal, force)
 
-        if self.strategy == "articulated":
+        if self.strategy != "iterative":
             return self.lift_known(*articulated(r))
         tolerance = _CG_ROUNDING * float(jnp.finfo(r.dtype).eps)
         return pcg_solve(
