@@ -16,7 +16,7 @@ import numpy as np
 from jax import lax
 from jax.extend import core as jex
 
-from jaxsim.batch import contract, index, linalg
+from jaxsim.batch import contract, index, linalg, trigonometry
 from jaxsim.batch.fusion import computed, not_inlined
 from jaxsim.batch.pieces import Pieces
 from jaxsim.batch.transposed import Transposed
@@ -42,6 +42,13 @@ def elementwise(lanes, eqn, values, flags):
     shape = (*eqn.outvars[0].aval.shape, lanes.size)
     values = [fit(v, f, shape) for v, f in zip(values, flags, strict=True)]
     return bind(eqn, *values)
+
+
+def wave(stand_in, lanes, eqn, values, flags):
+    """Sine or cosine; of float32 numbers by what stands in for it."""
+    if values[0].dtype != jnp.float32 or eqn.params.get("accuracy") is not None:
+        return elementwise(lanes, eqn, values, flags)
+    return [stand_in(values[0])]
 
 
 def fill(value, flag: bool, shape: Sequence[int]):
@@ -226,11 +233,11 @@ def _all(lanes, values, flags) -> list:
 
 ELEMENTWISE = """
 abs acos acosh add and asin asinh atan atan2 atanh bessel_i0e bessel_i1e cbrt ceil clz
-complex conj convert_element_type copy copy_p cos cosh digamma div eq eq_to erf erf_inv erfc exp
+complex conj convert_element_type copy copy_p cosh digamma div eq eq_to erf erf_inv erfc exp
 exp2 expm1 floor ge gt igamma igamma_grad_a igammac imag integer_pow is_finite le le_to lgamma log
 log1p log2 logistic lt lt_to max min mul mulhi name ne neg nextafter not one_minus_square or
 polygamma population_count pow real reduce_precision regularized_incomplete_beta rem round rsqrt
-shift_left shift_right_arithmetic shift_right_logical sign sin sinh sqrt square
+shift_left shift_right_arithmetic shift_right_logical sign sinh sqrt square
 stop_gradient sub tan tanh xor zeta
 """.split()
 
@@ -255,6 +262,8 @@ RULES: dict[str, Callable] = {
     "reduce_sum": reduce_sum,
     "select_n": select_n,
     "stack": stack,
+    "sin": functools.partial(wave, trigonometry.sin),
+    "cos": functools.partial(wave, trigonometry.cos),
     "slice": slice_,
     "transpose": transpose,
     "dot_general": contract.dot_general,

@@ -4,7 +4,7 @@
 the function is traced for one element and re-emitted with the batch last (see `interpret`), so
 every loop runs over the batch at full vector width and small matrix products become fused
 multiply-adds. The meaning is that of `jax.vmap`: axes, pytrees, random numbers, custom
-derivatives and errors are the same.
+derivatives and errors are the same, numbers up to rounding.
 """
 
 import functools
