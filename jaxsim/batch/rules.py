@@ -81,12 +81,14 @@ def reduce_sum(lanes, eqn, values, flags):
     terms = math.prod(values[0].shape[a] for a in axes)
     if terms == 1:
         return [lax.squeeze(values[0], axes)]
-    if not 0 < terms <= MAX_REDUCED or not jnp.issubdtype(values[0].dtype, jnp.floating):
+    if jnp.issubdtype(values[0].dtype, jnp.integer):
+        return reduce_written_out(lax.add, lanes, eqn, values, flags)
+    if terms > MAX_REDUCED or terms == 0 or not jnp.issubdtype(values[0].dtype, jnp.floating):
         return same_axes(lanes, eqn, values, flags)
     return [_sum(values[0], axes)]
 
 
-def reduce_logical(operator, lanes, eqn, values, flags):
+def reduce_written_out(operator, lanes, eqn, values, flags):
     """The same for what has no derivative."""
     axes = tuple(eqn.params["axes"])
     if not 0 < math.prod(values[0].shape[a] for a in axes) <= MAX_REDUCED:
@@ -257,8 +259,8 @@ RULES: dict[str, Callable] = {
     "pad": pad,
     "reshape": reshape,
     "optimization_barrier": computed_first,
-    "reduce_and": functools.partial(reduce_logical, lax.bitwise_and),
-    "reduce_or": functools.partial(reduce_logical, lax.bitwise_or),
+    "reduce_and": functools.partial(reduce_written_out, lax.bitwise_and),
+    "reduce_or": functools.partial(reduce_written_out, lax.bitwise_or),
     "reduce_sum": reduce_sum,
     "select_n": select_n,
     "stack": stack,

@@ -103,6 +103,8 @@ def test_reductions():
             jnp.cumprod(x, 2), lax.cumlogsumexp(x, 0, reverse=True), jnp.sort(x, 1),
             lax.sort((x, x * 2), dimension=0, num_keys=2), jax.nn.softmax(x, 1), jnp.std(x),
             lax.top_k(x, 2)[0], jnp.median(x), jnp.linalg.norm(x), lax.reduce_precision(x, 8, 7),
+            (x > 0).sum(1), (100 * x).astype(jnp.int32).sum((0, 2)),
+            (100 * x * x).astype(jnp.uint8).sum(dtype=jnp.uint8),
         ]  # fmt: skip
 
     assert_same(f, _normal(BATCH, 2, 3, 2))
