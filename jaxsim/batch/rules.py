@@ -44,13 +44,6 @@ def elementwise(lanes, eqn, values, flags):
     return bind(eqn, *values)
 
 
-def wave(stand_in, lanes, eqn, values, flags):
-    """Sine or cosine; of float32 numbers by what stands in for it."""
-    if values[0].dtype != jnp.float32 or eqn.params.get("accuracy") is not None:
-        return elementwise(lanes, eqn, values, flags)
-    return [stand_in(values[0])]
-
-
 def fill(value, flag: bool, shape: Sequence[int]):
     """The same for primitives that want scalars broadcast, too."""
     value = fit(value, flag, shape)
@@ -76,32 +69,35 @@ def stack(lanes, eqn, values, flags):
 
 
 def reduce_sum(lanes, eqn, values, flags):
-    """Short sums are written out: a reduction of leading axes would not be vectorised."""
+    """Integers have no derivative; complex numbers are left to the primitive."""
+    if jnp.issubdtype(values[0].dtype, jnp.complexfloating):
+        return same_axes(lanes, eqn, values, flags)
+    whole = jnp.issubdtype(values[0].dtype, jnp.integer)
+    total = functools.partial(_combined, lax.add) if whole else _sum
+    return reduction(total, lanes, eqn, values, flags)
+
+
+def reduction(combined, lanes, eqn, values, flags):
+    """Short ones are written out: a reduction of leading axes would not be vectorised."""
     axes = tuple(eqn.params["axes"])
     terms = math.prod(values[0].shape[a] for a in axes)
     if terms == 1:
         return [lax.squeeze(values[0], axes)]
-    if jnp.issubdtype(values[0].dtype, jnp.integer):
-        return reduce_written_out(lax.add, lanes, eqn, values, flags)
-    if terms > MAX_REDUCED or terms == 0 or not jnp.issubdtype(values[0].dtype, jnp.floating):
+    if not 0 < terms <= MAX_REDUCED:
         return same_axes(lanes, eqn, values, flags)
-    return [_sum(values[0], axes)]
+    return [combined(values[0], axes)]
 
 
-def reduce_written_out(operator, lanes, eqn, values, flags):
-    """The same for what has no derivative."""
-    axes = tuple(eqn.params["axes"])
-    if not 0 < math.prod(values[0].shape[a] for a in axes) <= MAX_REDUCED:
-        return same_axes(lanes, eqn, values, flags)
+def _combined(operator, x, axes: tuple[int, ...]):
+    """All entries along some axes, of an operand that is computed first."""
     with not_inlined():
-        return [_written_out(values[0], axes=axes, operator=operator)]
+        return _written_out(x, axes=axes, operator=operator)
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(1,))
 def _sum(x, axes: tuple[int, ...]):
-    """Sum over some axes by elementwise additions, of an operand that is computed first."""
-    with not_inlined():
-        return _written_out(x, axes=axes)
+    """The same for sums, with a derivative."""
+    return _combined(lax.add, x, axes)
 
 
 @_sum.defjvp
@@ -111,7 +107,7 @@ def _sum_jvp(axes, primals, tangents):
 
 
 @functools.partial(jax.jit, static_argnames=("axes", "operator"))
-def _written_out(x, *, axes: tuple[int, ...], operator=lax.add):
+def _written_out(x, *, axes: tuple[int, ...], operator):
     for first, last in reversed(_runs(axes)):
         size = math.prod(x.shape[first : last + 1])
         x = x.reshape(*x.shape[:first], size, *x.shape[last + 1 :])
@@ -155,6 +151,13 @@ def clamp(lanes, eqn, values, flags):
     if flags[0] or flags[2] or jnp.ndim(low) or jnp.ndim(high):
         low, high = fill(low, flags[0], shape), fill(high, flags[2], shape)
     return bind(eqn, low, fill(x, flags[1], shape), high)
+
+
+def wave(stand_in, lanes, eqn, values, flags):
+    """Sine or cosine; of float32 numbers by what stands in for it."""
+    if values[0].dtype != jnp.float32 or eqn.params.get("accuracy") is not None:
+        return elementwise(lanes, eqn, values, flags)
+    return [stand_in(values[0])]
 
 
 def same_axes(lanes, eqn, values, flags):
@@ -259,8 +262,8 @@ RULES: dict[str, Callable] = {
     "pad": pad,
     "reshape": reshape,
     "optimization_barrier": computed_first,
-    "reduce_and": functools.partial(reduce_written_out, lax.bitwise_and),
-    "reduce_or": functools.partial(reduce_written_out, lax.bitwise_or),
+    "reduce_and": functools.partial(reduction, functools.partial(_combined, lax.bitwise_and)),
+    "reduce_or": functools.partial(reduction, functools.partial(_combined, lax.bitwise_or)),
     "reduce_sum": reduce_sum,
     "select_n": select_n,
     "stack": stack,

@@ -10,6 +10,8 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from jaxsim.spatial.series import horner
+
 # pi/2 in three parts (Cody and Waite, "Software Manual for the Elementary Functions", 1980): the
 # first two have eight bits each, so that their products with whole numbers below 2^16 are exact.
 _QUARTER_TURN = 1.5703125, 0.000484466552734375, -6.3975784e-07
@@ -48,16 +50,7 @@ def _wave(shift: int, x: jax.Array) -> jax.Array:
     quadrant = turns + shift
     quadrant = quadrant - 4 * lax.floor(0.25 * quadrant)
     square = r * r
-    sine = r + r * square * _polynomial(_SINE, square)
-    cosine = 1 - 0.5 * square + square * square * _polynomial(_COSINE, square)
+    sine = r + r * square * horner(_SINE, square)
+    cosine = 1 - 0.5 * square + square * square * horner(_COSINE, square)
     size = jnp.where((quadrant == 1) | (quadrant == 3), cosine, sine)
     return jnp.where(quadrant >= 2, -size, size)
-
-
-def _polynomial(coefficients: tuple[float, ...], x: jax.Array) -> jax.Array:
-    """Horner's scheme, the constant first."""
-    *lower, highest = coefficients
-    total = jnp.full_like(x, highest)
-    for coefficient in reversed(lower):
-        total = total * x + coefficient
-    return total

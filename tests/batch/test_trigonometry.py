@@ -47,10 +47,9 @@ def test_large_and_not_finite(f, exact):
     assert np.all(np.isnan(found[3:]))
 
 
-@waves
-def test_derivatives(f, exact):
+@pytest.mark.parametrize("f", [jnp.sin, jnp.cos])
+def test_derivatives(f):
     """Of first and second order, of the batch and in it, forward and reverse."""
-    del exact
     x = jnp.asarray(RNG.uniform(-20, 20, 50), jnp.float32)
     total = lambda g: lambda x: jnp.sum(g(x))  # noqa: E731
     expected = jax.vmap(jax.grad(f))(x)
