@@ -30,6 +30,7 @@ class _Slots:
     """Contact slots under construction: geometry, and the pair to which each slot belongs."""
 
     contacts: Contacts
+    frame: Float[Array, "n 3 3"]
     geom1: Index
     geom2: Index
     pair: Index
@@ -63,7 +64,9 @@ def detect(
     slots = _joined(parts) if parts else _empty(geom_xpos.dtype)
     values = contact_parameters(model, slots.geom1, slots.geom2, slots.pair)
     return Contact(
-        **_fields(slots.contacts),
+        dist=slots.contacts.dist,
+        pos=slots.contacts.pos,
+        frame=slots.frame,
         **_fields(values),
         geom1=slots.geom1,
         geom2=slots.geom2,
@@ -82,8 +85,14 @@ def _evaluate(
         ids, lost = _closest(model, group, shapes, max_pairs)
     entry = PAIRS[group.types]
     contacts = jax.vmap(entry.function)(_take(shapes, ids[0]), _take(shapes, ids[1]))
-    flat = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), contacts)
-    return _Slots(flat, *(i.repeat(entry.max_contacts) for i in ids)), lost
+    frame = jax.vmap(lambda c: c.frame)(contacts)
+
+    def of_slots(x):
+        spread = jnp.broadcast_to(x, (*contacts.dist.shape, *x.shape[2:]))
+        return spread.reshape(-1, *x.shape[2:])
+
+    geometry = jax.tree.map(of_slots, (contacts, frame))
+    return _Slots(*geometry, *(i.repeat(entry.max_contacts) for i in ids)), lost
 
 
 def _closest(model: Any, group: PairGroup, shapes: Shape, count: int):
@@ -104,16 +113,16 @@ def _deepest(model: Any, slots: _Slots, count: int) -> tuple[_Slots, Int[Array, 
         return slots, 0
     margin = contact_margin(model, slots.geom1, slots.geom2, slots.pair)
     chosen, lost = within_reach(lax.stop_gradient(dist - margin.astype(dist.dtype)), count)
-    kept = _Slots(
-        jax.tree.map(lambda x: x[chosen], slots.contacts),
-        *(_take_ids(i, chosen) for i in (slots.geom1, slots.geom2, slots.pair)),
-    )
-    return kept, lost
+    contacts = jax.tree.map(lambda x: x[chosen], slots.contacts)
+    ids = (_take_ids(getattr(slots, name), chosen) for name in _IDS)
+    # Frames of the chosen only: those of all are not used then, and not computed.
+    return _Slots(contacts, contacts.frame, *ids), lost
 
 
 def _joined(parts: list[_Slots]) -> _Slots:
-    contacts = jax.tree.map(lambda *x: jnp.concatenate(x), *[p.contacts for p in parts])
-    return _Slots(contacts, *(_join_ids([getattr(p, n) for p in parts]) for n in _IDS))
+    geometry = [(p.contacts, p.frame) for p in parts]
+    contacts, frame = jax.tree.map(lambda *x: jnp.concatenate(x), *geometry)
+    return _Slots(contacts, frame, *(_join_ids([getattr(p, n) for p in parts]) for n in _IDS))
 
 
 _IDS = ("geom1", "geom2", "pair")
@@ -133,8 +142,9 @@ def _take_ids(ids: Index, chosen: Int[Array, "n"]) -> Index:
 
 
 def _empty(dtype) -> _Slots:
-    contacts = Contacts(jnp.zeros(0, dtype), jnp.zeros((0, 3), dtype), jnp.zeros((0, 3, 3), dtype))
-    return _Slots(contacts, *(np.zeros(0, int) for _ in _IDS))
+    dist, pos = jnp.zeros(0, dtype), jnp.zeros((0, 3), dtype)
+    contacts = Contacts(dist, pos, normal=pos, tangent=pos)
+    return _Slots(contacts, contacts.frame, *(np.zeros(0, int) for _ in _IDS))
 
 
 def _take(shapes: Shape, index: Index) -> Shape:

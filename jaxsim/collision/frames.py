@@ -28,18 +28,18 @@ def unit(index: int, like: Float[Array, "..."]) -> Float[Array, "3"]:
     return jnp.zeros(3, like.dtype).at[index].set(1.0)
 
 
-def frame_of_normal(normal: Float[Array, "3"]) -> Float[Array, "3 3"]:
-    """Contact frame of a unit normal; rows are the normal and two tangents.
+def tangent_of(normal: Float[Array, "3"]) -> Float[Array, "3"]:
+    """First tangent where nothing but the normal is known, as `contact_frame` takes it.
 
-    The first tangent is the world's y axis projected on the tangent plane, or its z axis where the
-    normal is within 60 degrees of y (MuJoCo's `mju_makeFrame`).
+    The world's y axis, or its z axis where the normal is within 60 degrees of y (MuJoCo's
+    `mju_makeFrame`).
     """
     steep = jnp.abs(normal[1]) >= 0.5
-    return _complete(normal, jnp.where(steep, unit(2, normal), unit(1, normal)))
+    return jnp.where(steep, unit(2, normal), unit(1, normal))
 
 
-def frame_along(normal: Float[Array, "3"], axis: Float[Array, "3"]) -> Float[Array, "3 3"]:
-    """Contact frame whose first tangent is `axis` projected on the tangent plane.
+def tangent_along(axis: Float[Array, "3"], normal: Float[Array, "3"]) -> Float[Array, "3"]:
+    """First tangent along an axis, as `contact_frame` takes it.
 
     An axis parallel to the normal has no projection. The world's x axis (y where the normal is
     close to x) takes its place, as in MuJoCo, which does not make it orthogonal to the normal.
@@ -47,12 +47,18 @@ def frame_along(normal: Float[Array, "3"], axis: Float[Array, "3"]) -> Float[Arr
     across = jnp.cross(normal, axis)
     parallel = across @ across < smallest_length(across) ** 2
     other = jnp.where(jnp.abs(normal[0]) >= 0.5, unit(1, normal), unit(0, normal))
-    return _complete(normal, jnp.where(parallel, other, axis))
+    return jnp.where(parallel, other, axis)
 
 
-def _complete(normal: Float[Array, "3"], hint: Float[Array, "3"]) -> Float[Array, "3 3"]:
-    # A double cross product, unlike hint - n (n . hint), stays orthogonal to the normal in float32
-    # even when the hint is almost parallel to it.
-    tangent = jnp.cross(jnp.cross(normal, hint), normal)
-    tangent = tangent / jnp.sqrt(tangent @ tangent)
-    return jnp.stack([normal, tangent, jnp.cross(normal, tangent)])
+def contact_frame(normal: Float[Array, "3"], tangent: Float[Array, "3"]) -> Float[Array, "3 3"]:
+    """Contact frame of a unit normal; rows are the normal and two tangents.
+
+    Args:
+      normal: the normal.
+      tangent: what the first tangent is the direction of, once projected on the tangent plane.
+    """
+    # A double cross product, unlike t - n (n . t), stays orthogonal to the normal in float32 even
+    # when t is almost parallel to it.
+    first = jnp.cross(jnp.cross(normal, tangent), normal)
+    first = first / jnp.sqrt(first @ first)
+    return jnp.stack([normal, first, jnp.cross(normal, first)])

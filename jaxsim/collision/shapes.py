@@ -3,8 +3,12 @@
 Nothing here knows about robots, bodies or models.
 """
 
+import jax
+import jax.numpy as jnp
 from flax import struct
 from jaxtyping import Array, Float
+
+from jaxsim.collision.frames import contact_frame
 
 # Distance of a slot that holds no contact: finite, and beyond any margin.
 INACTIVE = 1e6
@@ -34,14 +38,23 @@ class Shape:
 
 @struct.dataclass
 class Contacts:
-    """The contacts of one pair of shapes, in a number of slots that depends on the pair only.
+    """The contacts of one pair of shapes, in a number k of slots that depends on the pair only.
 
     Attributes:
       dist: signed distance, negative when the shapes overlap; `INACTIVE` in an empty slot.
       pos: midpoint between the two surfaces, world frame.
-      frame: rows are the normal (from the first shape to the second) and two tangents.
+      normal: (k, 3) unit normals, from the first shape to the second; (1, 3) if all are the same.
+      tangent: like the normals, vectors whose projections on the tangent planes are along the first
+        tangents.
     """
 
     dist: Float[Array, "k"]
     pos: Float[Array, "k 3"]
-    frame: Float[Array, "k 3 3"]
+    normal: Float[Array, "k|1 3"]
+    tangent: Float[Array, "k|1 3"]
+
+    @property
+    def frame(self) -> Float[Array, "k 3 3"]:
+        """Contact frames; rows are the normal and two tangents."""
+        frame = jax.vmap(contact_frame)(self.normal, self.tangent)
+        return jnp.broadcast_to(frame, (*self.pos.shape, 3))

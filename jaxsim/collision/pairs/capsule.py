@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxsim.collision.frames import direction, frame_of_normal, unit
+from jaxsim.collision.frames import direction, tangent_of, unit
 from jaxsim.collision.shapes import INACTIVE, Contacts, Shape
 
 # Two axes are parallel if the squared sine of their angle is below this, as in MuJoCo 3.17.
@@ -97,6 +97,6 @@ def _spheres(first: Shape, second: Shape, x1: Float[Array, "k"], x2: Float[Array
         centre2 = second.pos + second.axis * (second.size[1] * y2)
         normal, length = direction(centre2 - centre1, fallback)
         dist = length - r1 - r2
-        return dist, centre1 + normal * (r1 + dist / 2), frame_of_normal(normal)
+        return dist, centre1 + normal * (r1 + dist / 2), normal, tangent_of(normal)
 
     return Contacts(*jax.vmap(contact)(x1, x2))

@@ -10,14 +10,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsim.collision.frames import direction, frame_along, frame_of_normal
+from jaxsim.collision.frames import direction, tangent_along, tangent_of
 from jaxsim.collision.shapes import Contacts, Shape
 
 
 def plane_sphere(plane: Shape, sphere: Shape) -> Contacts:
     """One contact, at the sphere's lowest point."""
     lowest = sphere.pos - plane.axis * sphere.size[0]
-    return _at_points(plane, lowest[None], frame_of_normal(plane.axis))
+    return _at_points(plane, lowest[None], tangent_of(plane.axis))
 
 
 def plane_capsule(plane: Shape, capsule: Shape) -> Contacts:
@@ -25,7 +25,7 @@ def plane_capsule(plane: Shape, capsule: Shape) -> Contacts:
     half = capsule.axis * capsule.size[1]
     lowest = capsule.pos - plane.axis * capsule.size[0]
     points = jnp.stack([lowest + half, lowest - half])
-    return _at_points(plane, points, frame_along(plane.axis, capsule.axis))
+    return _at_points(plane, points, tangent_along(capsule.axis, plane.axis))
 
 
 def plane_ellipsoid(plane: Shape, ellipsoid: Shape) -> Contacts:
@@ -33,7 +33,7 @@ def plane_ellipsoid(plane: Shape, ellipsoid: Shape) -> Contacts:
     scaled = ellipsoid.size * (ellipsoid.mat.T @ plane.axis)
     lowest = -ellipsoid.size * scaled / jnp.sqrt(scaled @ scaled)
     point = ellipsoid.pos + ellipsoid.mat @ lowest
-    return _at_points(plane, point[None], frame_of_normal(plane.axis))
+    return _at_points(plane, point[None], tangent_of(plane.axis))
 
 
 def plane_cylinder(plane: Shape, cylinder: Shape) -> Contacts:
@@ -50,7 +50,7 @@ def plane_cylinder(plane: Shape, cylinder: Shape) -> Contacts:
     side = jnp.cross(radial, down) * (radius * np.sqrt(3.0).item() / 2)
     lower, upper = cylinder.pos + down * half_length, cylinder.pos - down * half_length
     points = jnp.stack([lower + rim, upper + rim, lower - rim / 2 + side, lower - rim / 2 - side])
-    return _at_points(plane, points, frame_of_normal(plane.axis))
+    return _at_points(plane, points, tangent_of(plane.axis))
 
 
 # One corner of each of a box's four diagonals; the other end is its opposite.
@@ -67,12 +67,12 @@ def plane_box(plane: Shape, box: Shape) -> Contacts:
     corners = jnp.asarray(_DIAGONALS, normal.dtype) * box.size[None]
     lower = jnp.where((corners @ normal)[:, None] > 0, -corners, corners)
     points = box.pos[None] + lower @ box.mat.T
-    return _at_points(plane, points, frame_of_normal(plane.axis))
+    return _at_points(plane, points, tangent_of(plane.axis))
 
 
-def _at_points(plane: Shape, points: Float[Array, "k 3"], frame: Float[Array, "3 3"]) -> Contacts:
+def _at_points(plane: Shape, points: Float[Array, "k 3"], tangent: Float[Array, "3"]) -> Contacts:
     def contact(x):
         dist = plane.axis @ (x - plane.pos)
-        return dist, x - plane.axis * (dist / 2), frame
+        return dist, x - plane.axis * (dist / 2)
 
-    return Contacts(*jax.vmap(contact)(points))
+    return Contacts(*jax.vmap(contact)(points), plane.axis[None], tangent[None])
