@@ -13,6 +13,7 @@ from jaxtyping import Array, Float
 from jaxsim.batch.chunks import VECTOR, chunk_lanes, map_chunks
 from jaxsim.batch.devices import EVERYWHERE, SPLIT, device_mesh, parallel, shardings
 from jaxsim.batch.vmap import vmap
+from jaxsim.collision.surfaces import Surfaces, known_surfaces
 from jaxsim.dynamics.components import Directions, known_directions, with_directions
 from jaxsim.model import Model, State
 from jaxsim.step import step
@@ -48,7 +49,7 @@ def batch_rollout(
     padded = -(-batch // mesh.size) * mesh.size
     pad = functools.partial(_pad, rows=padded - batch)
     states, ctrls = jax.device_put(jax.tree.map(pad, (states, ctrls)), shardings(mesh, SPLIT))
-    run = _compiled(observe, mesh, known_directions(model))
+    run = _compiled(observe, mesh, known_directions(model), known_surfaces(model))
     final, seen = run(model, states, ctrls)
     final, seen = (
         jax.tree.map(lambda x: x[:batch], (final, seen)) if padded > batch else (final, seen)
@@ -57,15 +58,17 @@ def batch_rollout(
 
 
 @functools.lru_cache(maxsize=16)
-def _compiled(observe, mesh: Mesh, directions: Directions | None):
+def _compiled(observe, mesh: Mesh, directions: Directions | None, surfaces: Surfaces | None):
     """The rollout of all chunks on all devices; one compilation for each model structure.
 
-    The directions of the joints are part of the program, so that it can be a planar one.
+    The directions of the joints are part of the program, so that it can be a planar one, and so is
+    which geoms share their contact parameters, though not the parameters.
     """
     platform = mesh.devices.flat[0].platform
 
     def shard(model, states, ctrls):
-        one = functools.partial(_rollout, with_directions(model, directions), observe)
+        model = with_directions(model, directions).replace(surfaces=surfaces)
+        one = functools.partial(_rollout, model, observe)
         limit = chunk_lanes(model)
         if platform != "cpu" or ctrls.shape[0] <= limit:
             return vmap(one)(states, ctrls)

@@ -22,18 +22,24 @@ from jaxsim.collision.parameters import contact_margin, contact_parameters
 from jaxsim.collision.rows import Index, rows
 from jaxsim.collision.selection import within_reach
 from jaxsim.collision.shapes import Contacts, Shape
+from jaxsim.collision.surfaces import known_surfaces
 from jaxsim.collision.table import PAIRS
 
 
 @dataclasses.dataclass
 class _Slots:
-    """Contact slots under construction: geometry, and the pair to which each slot belongs."""
+    """Contact slots under construction: geometry, and the pair to which each slot belongs.
+
+    The surfaces are geoms with the contact parameters of the slot's geoms (see `known_surfaces`).
+    """
 
     contacts: Contacts
     frame: Float[Array, "n 3 3"]
     geom1: Index
     geom2: Index
     pair: Index
+    surface1: Index
+    surface2: Index
 
 
 def detect(
@@ -55,14 +61,16 @@ def detect(
       differentiable with respect to poses and sizes, parameters with respect to the model.
     """
     shapes = Shape(geom_xpos, geom_xmat, jnp.asarray(model.geom_size, geom_xpos.dtype))
+    alike = known_surfaces(model)
+    surface = np.arange(model.ngeom) if alike is None else np.array(alike, int)
     parts, overflow = [], jnp.zeros((), int)
     for block, groups in zip(candidates.blocks, candidates.by_kind().values(), strict=True):
-        found = [_evaluate(model, g, shapes, candidates.max_geom_pairs) for g in groups]
+        found = [_evaluate(model, g, surface, shapes, candidates.max_geom_pairs) for g in groups]
         slots, lost = _deepest(model, _joined([s for s, _ in found]), block.stop - block.start)
         overflow = overflow + lost + sum(n for _, n in found)
         parts.append(slots)
     slots = _joined(parts) if parts else _empty(geom_xpos.dtype)
-    values = contact_parameters(model, slots.geom1, slots.geom2, slots.pair)
+    values = contact_parameters(model, slots.surface1, slots.surface2, slots.pair)
     return Contact(
         dist=slots.contacts.dist,
         pos=slots.contacts.pos,
@@ -77,12 +85,15 @@ def detect(
 
 
 def _evaluate(
-    model: Any, group: PairGroup, shapes: Shape, max_pairs: int | None
+    model: Any, group: PairGroup, surface: np.ndarray, shapes: Shape, max_pairs: int | None
 ) -> tuple[_Slots, Int[Array, ""] | int]:
     """Exact geometry of a group's pairs, and how many that were left out might be in contact."""
-    ids, lost = (group.geom1, group.geom2, group.pair), 0
+    surfaces = surface[group.geom1], surface[group.geom2]
+    ids, lost = (group.geom1, group.geom2, group.pair, *surfaces), 0
     if max_pairs is not None and max_pairs < len(group):
-        ids, lost = _closest(model, group, shapes, max_pairs)
+        margin = contact_margin(model, *surfaces, group.pair)
+        chosen, lost = _closest(group, margin, shapes, max_pairs)
+        ids = tuple(_take_ids(i, chosen) for i in ids)
     entry = PAIRS[group.types]
     contacts = jax.vmap(entry.function)(_take(shapes, ids[0]), _take(shapes, ids[1]))
     frame = jax.vmap(lambda c: c.frame)(contacts)
@@ -95,15 +106,13 @@ def _evaluate(
     return _Slots(*geometry, *(i.repeat(entry.max_contacts) for i in ids)), lost
 
 
-def _closest(model: Any, group: PairGroup, shapes: Shape, count: int):
+def _closest(group: PairGroup, margin: Float[Array, "n"], shapes: Shape, count: int):
     """The pairs of a group that could be inside their margin, or could be deepest."""
-    ids = group.geom1, group.geom2, group.pair
     bound = jax.vmap(lambda a, b: distance_bound(group.types, a, b))
     # Which pairs are chosen has no derivative, and the bound has none at coincident centres.
-    first, second = (lax.stop_gradient(_take(shapes, i)) for i in ids[:2])
-    excess = bound(first, second) - lax.stop_gradient(contact_margin(model, *ids))
-    chosen, lost = within_reach(excess, count)
-    return tuple(_take_ids(i, chosen) for i in ids), lost
+    shapes, margin = lax.stop_gradient((shapes, margin))
+    distance = bound(_take(shapes, group.geom1), _take(shapes, group.geom2))
+    return within_reach(distance - margin, count)
 
 
 def _deepest(model: Any, slots: _Slots, count: int) -> tuple[_Slots, Int[Array, ""] | int]:
@@ -111,7 +120,7 @@ def _deepest(model: Any, slots: _Slots, count: int) -> tuple[_Slots, Int[Array, 
     dist = slots.contacts.dist
     if len(dist) <= count:
         return slots, 0
-    margin = contact_margin(model, slots.geom1, slots.geom2, slots.pair)
+    margin = contact_margin(model, slots.surface1, slots.surface2, slots.pair)
     chosen, lost = within_reach(lax.stop_gradient(dist - margin.astype(dist.dtype)), count)
     contacts = jax.tree.map(lambda x: x[chosen], slots.contacts)
     ids = (_take_ids(getattr(slots, name), chosen) for name in _IDS)
@@ -125,7 +134,7 @@ def _joined(parts: list[_Slots]) -> _Slots:
     return _Slots(contacts, frame, *(_join_ids([getattr(p, n) for p in parts]) for n in _IDS))
 
 
-_IDS = ("geom1", "geom2", "pair")
+_IDS = ("geom1", "geom2", "pair", "surface1", "surface2")
 
 
 def _join_ids(ids: list[Index]) -> Index:

@@ -19,8 +19,7 @@ _STATIC_OPTIONS = (
     "integrator cone solver iterations ls_iterations disableflags enableflags disableactuator"
 ).split()
 
-_NOT_MUJOCO = {"structure", "opt", "stat", "hessian", "rotations"}
-_NOT_MUJOCO |= {"max_contacts", "max_geom_pairs"}
+_STATIC = {f.name for f in dataclasses.fields(Model) if not f.metadata.get("pytree_node", True)}
 
 
 def build(mj: mujoco.MjModel) -> Model:
@@ -42,7 +41,7 @@ def build(mj: mujoco.MjModel) -> Model:
         names=Names.from_mujoco(mj),
         **features(mj),
     )
-    names = {f.name for f in dataclasses.fields(Model)} - _NOT_MUJOCO
+    names = {f.name for f in dataclasses.fields(Model)} - _STATIC - {"opt", "stat"}
     leaves = {name: getattr(mj, name) for name in sorted(names)} | effective_frames(mj)
     model = Model(
         structure=structure,
