@@ -50,8 +50,8 @@ class Contacts:
 
     dist: Float[Array, "k"]
     pos: Float[Array, "k 3"]
-    normal: Float[Array, "k|1 3"]
-    tangent: Float[Array, "k|1 3"]
+    normal: Float[Array, "#k 3"]
+    tangent: Float[Array, "#k 3"]
 
     @property
     def frame(self) -> Float[Array, "k 3 3"]:
