@@ -6,6 +6,7 @@ The gap widens detection only: MuJoCo lists contacts between margin and margin +
 no force.
 """
 
+import dataclasses
 from typing import Any
 
 import jax
@@ -31,6 +32,10 @@ class Surface:
     solimp: Float[Array, "5"]
     solmix: Float[Array, ""]
     priority: Int[Array, ""]
+
+
+# The model's leaf that each of them comes from.
+SURFACE_LEAVES = {f.name: f"geom_{f.name}" for f in dataclasses.fields(Surface)}
 
 
 @struct.dataclass
@@ -116,13 +121,8 @@ def mixing_weight(solmix1: Float[Array, ""], solmix2: Float[Array, ""]) -> Float
 
 
 def _surfaces(model: Any, geom: Index) -> Surface:
-    return Surface(
-        friction=rows(model.geom_friction, geom),
-        solref=rows(model.geom_solref, geom),
-        solimp=rows(model.geom_solimp, geom),
-        solmix=rows(model.geom_solmix, geom),
-        priority=rows(model.geom_priority, geom),
-    )
+    leaves = {field: getattr(model, leaf) for field, leaf in SURFACE_LEAVES.items()}
+    return Surface(**{field: rows(values, geom) for field, values in leaves.items()})
 
 
 def _with_pairs(model: Any, values: Parameters, pair: Index) -> Parameters:

@@ -10,20 +10,15 @@ are numbers while a program is traced, not arguments that may be mapped or diffe
 
 from typing import Any
 
-import jax
 import numpy as np
+
+from jaxsim.collision.parameters import SURFACE_LEAVES
+from jaxsim.model.known import known_leaves
 
 Surfaces = tuple[int, ...]
 
 # The leaves that the parameters of contacts depend on.
-SURFACE = (
-    "geom_friction",
-    "geom_solref",
-    "geom_solimp",
-    "geom_solmix",
-    "geom_priority",
-    "geom_margin",
-)
+SURFACE = (*SURFACE_LEAVES.values(), "geom_margin")
 
 
 def known_surfaces(model: Any) -> Surfaces | None:
@@ -36,9 +31,8 @@ def known_surfaces(model: Any) -> Surfaces | None:
     said = getattr(model, "surfaces", None)
     if said is not None:
         return said
-    try:
-        numbers = [np.asarray(getattr(model, name)) for name in SURFACE]
-    except jax.errors.TracerArrayConversionError:
+    numbers = known_leaves(model, SURFACE)
+    if numbers is None:
         return None
     table = np.concatenate([x.reshape(len(x), x[:1].size) for x in numbers], axis=1)
     _, first, kind = np.unique(table, axis=0, return_index=True, return_inverse=True)

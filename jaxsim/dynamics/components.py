@@ -20,6 +20,7 @@ from jaxtyping import Array, Float
 from jaxsim.dynamics.joints import HINGE, SLIDE
 from jaxsim.dynamics.tree import take
 from jaxsim.model import Model
+from jaxsim.model.known import known_leaves
 from jaxsim.model.structure import Structure
 from jaxsim.spatial import Inertia
 
@@ -53,11 +54,8 @@ class RestrictedInertia:
 
 def known_directions(model: Model) -> Directions | None:
     """The leaves that the directions of the joints depend on, as numbers; None while traced."""
-    try:
-        numbers = [np.asarray(getattr(model, name)) for name in DIRECTIONS]
-    except jax.errors.TracerArrayConversionError:
-        return None
-    return tuple(tuple(map(tuple, x.tolist())) for x in numbers)
+    numbers = known_leaves(model, DIRECTIONS)
+    return None if numbers is None else tuple(tuple(map(tuple, x.tolist())) for x in numbers)
 
 
 def with_directions(model: Model, directions: Directions | None) -> Model:

@@ -64,6 +64,9 @@ def test_parameters_are_those_of_each_geom(limits):
     np.testing.assert_allclose(known.includemargin, model.geom_margin[pair].sum(0))
     np.testing.assert_allclose(known.friction[:, 0], model.geom_friction[pair, 0].max(0))
     np.testing.assert_allclose(known.solref, model.geom_solref[pair].mean(0))
+    traced = jax.jit(lambda m: detect(m, candidates, *poses))(jaxsim.load(model))
+    for name in ("geom1", "geom2", "includemargin", "friction", "solref", "solimp"):
+        np.testing.assert_allclose(getattr(traced, name), getattr(known, name), rtol=1e-6)
 
 
 def sliding(model):
