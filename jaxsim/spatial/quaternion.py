@@ -134,7 +134,8 @@ def quat_to_matrix(q: Float[Array, "4"]) -> Float[Array, "3 3"]:
         [2 * (x * y + w * z), ww - xx + yy - zz, 2 * (y * z - w * x)],
         [2 * (x * z - w * y), 2 * (y * z + w * x), ww - xx - yy + zz],
     ]
-    return jnp.stack([entry for row in rows for entry in row]).reshape(3, 3)
+    # Row by row: XLA fuses a concatenation of three, while nine entries would be computed apart.
+    return jnp.stack([jnp.stack(row) for row in rows])
 
 
 def quat_from_matrix(R: Float[Array, "3 3"]) -> Float[Array, "4"]:
