@@ -25,11 +25,11 @@ def dividing_mesh(batch: int) -> Mesh:
 def compiler_options(platform: str) -> dict[str, Any] | None:
     """What suits many small kernels over long vectors; None for XLA's defaults.
 
-    XLA's own threads inside a kernel cost more than they give, devices are our threads. Vectors
-    as wide as the processor has them are 3 to 5 per cent faster than what LLVM prefers. XLA also
-    hands kernels that are ready at the same time to other threads, which takes them away from the
-    cache that holds their operands; a schedule that reuses memory early leaves fewer of them, 1 to
-    7 per cent faster on two cores.
+    Devices are our threads. XLA's own cost more than they give, both those inside a kernel, which
+    the pass that assigns them would give to every kernel of some size, and those that take kernels
+    that are ready at the same time away from the cache that holds their operands: a schedule that
+    reuses memory early leaves fewer of them. Vectors as wide as the processor has them are 3 to 5
+    per cent faster than what LLVM prefers.
     """
     if platform != "cpu":
         return None
@@ -37,6 +37,7 @@ def compiler_options(platform: str) -> dict[str, Any] | None:
         "xla_cpu_multi_thread_eigen": False,
         "xla_cpu_prefer_vector_width": 512,
         "xla_cpu_scheduler_type": "CPU_SCHEDULER_TYPE_MEMORY_OPTIMIZED",
+        "xla_disable_hlo_passes": "cpu-parallel-task-assigner",
     }
 
 
