@@ -121,8 +121,7 @@ def mixing_weight(solmix1: Float[Array, ""], solmix2: Float[Array, ""]) -> Float
 
 
 def _surfaces(model: Any, geom: Index) -> Surface:
-    leaves = {field: getattr(model, leaf) for field, leaf in SURFACE_LEAVES.items()}
-    return Surface(**{field: rows(values, geom) for field, values in leaves.items()})
+    return Surface(**{k: rows(getattr(model, leaf), geom) for k, leaf in SURFACE_LEAVES.items()})
 
 
 def _with_pairs(model: Any, values: Parameters, pair: Index) -> Parameters:
