@@ -7,6 +7,8 @@ import jax
 import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
+from jaxsim.batch.memo import once_for_each
+
 AXIS = "batch"
 SPLIT, EVERYWHERE = PartitionSpec(AXIS), PartitionSpec()
 
@@ -65,3 +67,9 @@ def shardings(mesh: Mesh, specs: Any) -> Any:
     """The shardings of a tree of partition specs."""
     is_spec = lambda x: isinstance(x, PartitionSpec)  # noqa: E731
     return jax.tree.map(lambda spec: NamedSharding(mesh, spec), specs, is_leaf=is_spec)
+
+
+@once_for_each
+def everywhere(tree: Any, mesh: Mesh) -> Any:
+    """A tree on all devices, copied once: that takes longer than many a program that reads it."""
+    return jax.device_put(tree, shardings(mesh, EVERYWHERE))

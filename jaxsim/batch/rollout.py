@@ -11,7 +11,8 @@ from jax.sharding import Mesh
 from jaxtyping import Array, Float
 
 from jaxsim.batch.chunks import VECTOR, chunk_lanes, map_chunks
-from jaxsim.batch.devices import EVERYWHERE, SPLIT, device_mesh, parallel, shardings
+from jaxsim.batch.devices import EVERYWHERE, SPLIT, device_mesh, everywhere, parallel, shardings
+from jaxsim.batch.memo import once_for_each
 from jaxsim.batch.vmap import vmap
 from jaxsim.collision.surfaces import Surfaces, known_surfaces
 from jaxsim.dynamics.components import Directions, known_directions, with_directions
@@ -49,12 +50,17 @@ def batch_rollout(
     padded = -(-batch // mesh.size) * mesh.size
     pad = functools.partial(_pad, rows=padded - batch)
     states, ctrls = jax.device_put(jax.tree.map(pad, (states, ctrls)), shardings(mesh, SPLIT))
-    run = _compiled(observe, mesh, known_directions(model), known_surfaces(model))
-    final, seen = run(model, states, ctrls)
+    run = _compiled(observe, mesh, *_known(model))
+    final, seen = run(everywhere(model, mesh), states, ctrls)
     final, seen = (
         jax.tree.map(lambda x: x[:batch], (final, seen)) if padded > batch else (final, seen)
     )
     return final if observe is None else (final, seen)
+
+
+@once_for_each
+def _known(model: Model) -> tuple[Directions | None, Surfaces | None]:
+    return known_directions(model), known_surfaces(model)
 
 
 @functools.lru_cache(maxsize=16)

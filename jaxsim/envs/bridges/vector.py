@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from jaxsim.batch.devices import dividing_mesh
+from jaxsim.batch.devices import dividing_mesh, everywhere
 from jaxsim.envs.base import Env, EnvState
 from jaxsim.envs.bridges import autoreset, batch, render
 from jaxsim.envs.bridges.spaces import action_space, observation_space, public_info, vector_info
@@ -109,10 +109,10 @@ class GymnasiumVectorEnv(VectorEnv):
             raise gymnasium.error.ResetNeeded("the first reset() must be of all environments")
         keys = self._keys(seed, mask)
         if self._batch is None or mask.all():
-            fresh = autoreset.compiled_start(self._mesh)(self.env, keys)
+            fresh = autoreset.compiled_start(self._mesh)(self._placed(), keys)
         else:
             old = self._batch.replace(keys=keys)
-            fresh = autoreset.compiled_reset(self._mesh)(self.env, old, mask)
+            fresh = autoreset.compiled_reset(self._mesh)(self._placed(), old, mask)
         self._batch = fresh
         return self._started(fresh, mask)
 
@@ -160,8 +160,11 @@ class GymnasiumVectorEnv(VectorEnv):
             )
         program = autoreset.compiled_step(self._mesh, self.autoreset_mode)
         actions = self._taken(actions)
-        self._batch, outcome = program(self.env, self._batch, actions, self._done)
+        self._batch, outcome = program(self._placed(), self._batch, actions, self._done)
         return self._told(outcome)
+
+    def _placed(self) -> Env:
+        return everywhere(self.env, self._mesh)
 
     def _taken(self, actions: Any):
         return np.asarray(actions, np.float32).reshape(self.action_space.shape)
