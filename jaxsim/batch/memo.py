@@ -6,13 +6,16 @@ from collections.abc import Callable
 from typing import Any
 
 import jax
+import numpy as np
+
+_CONSTANT = (jax.Array, int, float, complex, np.generic)
 
 
 def once_for_each(f: Callable) -> Callable:
     """`f(tree, *rest)`, computed once for each tree and kept for as long as the tree lives.
 
-    Trees are told apart by identity, without looking at their numbers. One that holds anything but
-    JAX's arrays, which cannot change, is computed anew each time, and so is a traced one.
+    Trees are told apart by identity, without looking at their numbers. With leaves that may change,
+    as NumPy's arrays may, or that are traced, the result is computed anew each time.
 
     Args:
       f: a function of an instance of a class and of hashable arguments. Its result must not refer
@@ -34,4 +37,4 @@ def once_for_each(f: Callable) -> Callable:
 
 
 def _is_constant(leaf: Any) -> bool:
-    return isinstance(leaf, jax.Array) and not isinstance(leaf, jax.core.Tracer)
+    return isinstance(leaf, _CONSTANT) and not isinstance(leaf, jax.core.Tracer)

@@ -34,7 +34,7 @@ def total():
 
 
 def test_computed_once_for_each_tree_and_argument(total):
-    one, equal = (Pair(jnp.ones(2), jnp.ones(2)) for _ in range(2))
+    one, equal = (Pair(jnp.ones(2), 1.0) for _ in range(2))
     for _ in range(3):
         np.testing.assert_array_equal(total(one, 2), 4)
     assert len(total.calls) == 1
