@@ -81,6 +81,12 @@ def test_traced_trees_are_not_remembered(total):
     np.testing.assert_array_equal(jax.grad(lambda x: total(Pair(x, x), 1).sum())(jnp.ones(3)), 2)
 
 
+def test_what_is_traced_of_constants_is_not_remembered(total):
+    tree = Pair(jnp.ones(2), 1.0)
+    np.testing.assert_array_equal(jax.jit(lambda x: x * total(tree, 1))(jnp.arange(2.0)), [0, 2])
+    np.testing.assert_array_equal(total(tree, 1), 2)
+
+
 def test_everywhere_is_on_all_devices_and_the_same_each_time():
     mesh, tree = device_mesh(), Pair(jnp.arange(3.0), jnp.ones(()))
     placed = everywhere(tree, mesh)
