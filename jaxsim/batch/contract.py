@@ -85,6 +85,12 @@ def evaluate(x, y, *, labels: Labels, precision, call: bool = False):
     return unrolled(x, y, labels=labels)
 
 
+def is_written_out(x, y, labels: Labels) -> bool:
+    """Whether `evaluate` needs no `dot_general` for operands of these types."""
+    sizes = _sizes(x, y, labels)
+    return _unrolls(labels, sizes) or bool(_middle(labels, sizes))
+
+
 def unrolled(x, y, *, labels: Labels):
     """Sum over the contracted indices of broadcast products."""
     left, right, out = labels
@@ -104,20 +110,28 @@ _unrolled_call = jax.jit(unrolled, static_argnames="labels")
 
 def _halves(x, y, labels: Labels, sizes):
     """The operands cut in the middle of a sum, if both halves are then unrolled."""
-    left, right, out = labels
-    summed = [i for i in left if i not in out]
-    if not summed or not _is_batched(labels):
+    found = _middle(labels, sizes)
+    if not found:
         return []
-    cut = max(summed, key=sizes.__getitem__)
-    middle = sizes[cut] // 2
-    if not all(_unrolls(labels, sizes | {cut: n}) for n in (middle, sizes[cut] - middle)):
-        return []
+    (cut, middle), (left, right, _) = found, labels
     ends = (0, middle), (middle, sizes[cut])
     parts = (
         [lax.slice_in_dim(v, *end, axis=group.index(cut)) for end in ends]
         for v, group in ((x, left), (y, right))
     )
     return list(zip(*parts, strict=True))
+
+
+def _middle(labels: Labels, sizes) -> tuple[int, int] | None:
+    """The sum to cut and where, if both halves are then unrolled."""
+    left, _, out = labels
+    summed = [i for i in left if i not in out]
+    if not summed or not _is_batched(labels):
+        return None
+    cut = max(summed, key=sizes.__getitem__)
+    middle = sizes[cut] // 2
+    fits = all(_unrolls(labels, sizes | {cut: n}) for n in (middle, sizes[cut] - middle))
+    return (cut, middle) if fits else None
 
 
 def _spread(value, labels: Sequence[int], at: dict[int, int], out: Sequence[int], shape):

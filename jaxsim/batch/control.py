@@ -138,8 +138,9 @@ def _go_on(lanes, loop: _Loop, few: int, active, consts, carry) -> list:
     """The rest of a loop in which at most `few` lanes are active, with only so many lanes."""
     place = jnp.where(active, jnp.cumsum(active) - 1, few)
     lane = lax.iota(place.dtype, lanes.size)
-    # Places that are left over repeat lane 0, and nobody looks at them.
-    chosen = jnp.zeros(few, place.dtype).at[place].set(lane, mode="drop")
+    # Places that are left over repeat lane 0, and nobody looks at them. No scatter, which could
+    # not be part of a section.
+    chosen = jnp.sum(jnp.where(place == jnp.arange(few)[:, None], lane, 0), axis=1)
 
     def take(values, flags):
         return [_lanes(v, chosen) if on else v for v, on in zip(values, flags, strict=True)]
@@ -160,13 +161,7 @@ def _lanes(x, index):
 
 def _length(jaxpr) -> int:
     """Equations of a program and all that it calls."""
-    count = len(jaxpr.eqns)
-    for eqn in jaxpr.eqns:
-        for value in eqn.params.values():
-            for part in value if isinstance(value, tuple | list) else (value,):
-                inner = getattr(part, "jaxpr", part)
-                count += _length(inner) if hasattr(inner, "eqns") else 0
-    return count
+    return len(jaxpr.eqns) + sum(_length(b) for eqn in jaxpr.eqns for b in params.bodies(eqn))
 
 
 def cond(lanes, eqn, values, flags):

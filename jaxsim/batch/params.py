@@ -8,7 +8,7 @@ is slower and just as right, and `warn_unknown` says so once.
 
 import functools
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -170,6 +170,46 @@ def rebind(eqn) -> Callable:
     jaxpr = _jaxpr(unique, eqn.outvars, [eqn], eqn.effects)
     call = jex.jaxpr_as_fun(jex.ClosedJaxpr(jaxpr, ()))
     return lambda *values: call(*[values[i] for i in keep])
+
+
+def bodies(eqn) -> Iterator[Any]:
+    """The jaxprs in an equation's parameters."""
+    for value in eqn.params.values():
+        for part in value if isinstance(value, tuple | list) else (value,):
+            inner = getattr(part, "jaxpr", part)
+            if hasattr(inner, "eqns"):
+                yield inner
+
+
+def with_bodies(eqn, change: Callable):
+    """The equation with other jaxprs where it loops or branches, conditions of loops excepted.
+
+    `change` takes and returns an open jaxpr with the same operands and results.
+    """
+    new = {}
+    for name in {"scan": ["jaxpr"], "while": ["body_jaxpr"], "cond": ["branches"]}.get(
+        eqn.primitive.name, []
+    ):
+        value = eqn.params[name]
+        many = isinstance(value, tuple | list)
+        new[name] = (
+            type(value)(with_jaxpr(part, change) for part in value)
+            if many
+            else with_jaxpr(value, change)
+        )
+    return eqn.replace(params={**eqn.params, **new})
+
+
+def with_jaxpr(jaxpr, change: Callable):
+    """A closed jaxpr with its open one changed; jax 0.12 has one type for both."""
+    if isinstance(jaxpr, jex.Jaxpr):
+        return change(jaxpr)
+    return jaxpr.replace(jaxpr=change(jaxpr.jaxpr))
+
+
+def closed(invars, outvars, eqns):
+    """A closed jaxpr of some equations without effects."""
+    return jex.ClosedJaxpr(_jaxpr(invars, outvars, eqns, frozenset()), ())
 
 
 def open_program(traced) -> tuple[Any, tuple]:

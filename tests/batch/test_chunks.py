@@ -14,13 +14,13 @@ def model():
     return jaxsim.load("pendulum")
 
 
-@pytest.mark.parametrize(("count", "lanes"), [(8, 8), (512, 256), (300, 150), (257, 257)])
+@pytest.mark.parametrize(("count", "lanes"), [(8, 8), (512, 128), (300, 100), (257, 257)])
 def test_even_lanes(model, count, lanes):
     assert even_lanes(model, count) == lanes
 
 
 def test_large_models_come_in_small_chunks():
-    few, many = (chunk_lanes(jaxsim.load(_spheres(n))) for n in (2, 60))
+    few, many = (chunk_lanes(jaxsim.load(_spheres(n))) for n in (2, 240))
     assert MIN_LANES <= many < few
     assert few % VECTOR == many % VECTOR == 0
 
@@ -31,7 +31,7 @@ def _spheres(count):
     return f'<mujoco><worldbody><geom type="plane" size="1 1 1"/>{balls}</worldbody></mujoco>'
 
 
-@pytest.mark.parametrize("batch", [257, 400])
+@pytest.mark.parametrize("batch", [129, 400])
 def test_rollouts_in_chunks(batch):
     """A batch that fills no chunks gives the same as its parts."""
     model = jaxsim.load("pendulum")

@@ -1,0 +1,304 @@
+"""Programs in sections, each of which a CPU runs as one kernel.
+
+XLA starts every fused operation on a CPU by itself, and on a few hundred lanes that takes about as
+long as the operation. A call that carries the attribute `xla_cpu_small_call`, which XLA itself
+gives to small loops, is compiled as one function instead. So a traced program is divided here: what
+such a function can hold is collected into calls, control flow included where it is short enough;
+the rest stays as it is, and longer loops and branches have their bodies divided. A compiler that
+does not know the attribute makes the same numbers, more slowly.
+"""
+
+import collections
+import functools
+from collections.abc import Callable, Iterator, Sequence
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jax.experimental.xla_metadata import set_xla_metadata
+from jax.extend import core as jex
+from jax.interpreters import mlir
+
+from jaxsim.batch import contract, params
+from jaxsim.batch.fusion import computed
+
+# Equations of a section, those of its loops counted once: below the first the start is no matter,
+# and above the second LLVM takes longer for one function than for two.
+MIN_EQUATIONS, MAX_EQUATIONS = 32, 2500
+
+# What XLA compiles inside such a function. Not there: scatters, sorts, matrix products, random
+# numbers, collectives and whatever else runs as a library call.
+KNOWN = frozenset(
+    """
+    abs acos acosh add add_any and asin asinh atan atan2 atanh bitcast_convert_type broadcast_in_dim
+    cbrt ceil clamp concatenate convert_element_type copy copy_p cos cosh cumsum div dynamic_slice
+    dynamic_update_slice eq erf exp exp2 expand_dims expm1 floor gather ge gt integer_pow iota
+    is_finite lane_contract le log log1p logistic lt max min mul name ne neg nextafter not or pad
+    pcast platform_index pow pvary real reduce_and reduce_max reduce_min reduce_or reduce_sum rem
+    reshape reshard rev round rsqrt select_n shift_left shift_right_arithmetic shift_right_logical
+    sign sin sinh slice split sqrt square squeeze stack stop_gradient sub tan tanh transpose xor
+    closed_call cond custom_jvp_call custom_vjp_call jit pjit scan while
+    """.split()
+)
+PLAIN = "bool", "int8", "uint8", "int32", "uint32", "int64", "uint64", "float32", "float64"
+VIEWS = "slice", "squeeze", "reshape", "expand_dims", "concatenate", "stack"  # of other arrays
+CALLS = "jit", "pjit", "closed_call", "custom_jvp_call", "custom_vjp_call"
+
+
+def sectioned(f: Callable) -> Callable:
+    """The same function, its program in sections. It has no derivatives any more.
+
+    It must be compiled with `devices.compiler_options`, which keep XLA's optimisation barriers.
+    """
+
+    @functools.wraps(f)
+    def divided(*args):
+        leaves, tree = jax.tree.flatten(args)
+        traced, shapes = jax.make_jaxpr(
+            lambda *xs: f(*jax.tree.unflatten(tree, xs)), return_shape=True
+        )(*leaves)
+        program = params.with_jaxpr(traced, functools.partial(_divided, fixed=0))
+        return jax.tree.unflatten(jax.tree.structure(shapes), jex.jaxpr_as_fun(program)(*leaves))
+
+    return divided
+
+
+def _divided(jaxpr, fixed: int):
+    """The program in sections; its first `fixed` operands and its constants are a loop's own."""
+    jaxpr = _living(_written_out(jaxpr))
+    still = _still(jaxpr, fixed)
+    groups = list(_groups(jaxpr.eqns, still))
+    users = _users(jaxpr, groups)
+    repeats = {
+        v: eqn for eqn in jaxpr.eqns for v in eqn.outvars if v in still and _is_repetition(eqn)
+    }
+    eqns = []
+    for place, group in enumerate(groups):
+        if not _repays(group, still):
+            eqns += map(_inner_divided, group)
+            continue
+        results = [v for eqn in group for v in eqn.outvars if users[v] - {place}]
+        eqns.append(_section([*_needed(group, repeats), *group], results))
+    return jaxpr.replace(eqns=eqns)
+
+
+def _groups(eqns: Sequence, still: set) -> Iterator[list]:
+    """Equations in an order that is as good, in groups: a section, or one that fits in none.
+
+    What does not change from turn to turn of a loop is in no section: XLA takes it out of the loop.
+    """
+    section, made, size = [], set(), 0
+    for eqn in eqns:
+        weight, joins = _weight([eqn]), _joins(eqn, still)
+        full = joins and size + weight > MAX_EQUATIONS
+        if section and (full or (not joins and not made.isdisjoint(_variables(eqn.invars)))):
+            yield section
+            section, made, size = [], set(), 0
+        if joins:
+            section.append(eqn)
+            made.update(eqn.outvars)
+            size += weight
+        else:
+            yield [eqn]
+    if section:
+        yield section
+
+
+def _joins(eqn, still: set) -> bool:
+    """Whether the equation can be part of a section."""
+    return not still.issuperset(eqn.outvars) and _weight([eqn]) <= MAX_EQUATIONS and _fits(eqn)
+
+
+def _repays(group: Sequence, still: set) -> bool:
+    """Whether the group becomes a section."""
+    return _weight(group) >= MIN_EQUATIONS and all(_joins(eqn, still) for eqn in group)
+
+
+def _users(jaxpr, groups: Sequence[Sequence]) -> dict:
+    """For each variable the places of the groups that read it; that of the results is None."""
+    users = collections.defaultdict(set)
+    for place, group in enumerate(groups):
+        for eqn in group:
+            for v in _variables(eqn.invars):
+                users[v].add(place)
+    for v in _variables(jaxpr.outvars):
+        users[v].add(None)
+    return users
+
+
+def _still(jaxpr, fixed: int) -> set:
+    """Variables that do not depend on operands other than the first `fixed`."""
+    still = {*jaxpr.constvars, *jaxpr.invars[:fixed]}
+    for eqn in jaxpr.eqns:
+        if not eqn.effects and still.issuperset(_variables(eqn.invars)):
+            still.update(eqn.outvars)
+    return still
+
+
+def _is_repetition(eqn) -> bool:
+    """Whether the equation repeats numbers, which is cheaper than to read the repeated ones."""
+    sizes = [v.aval.size for v in _variables(eqn.invars)]
+    return eqn.primitive.name in ("broadcast_in_dim", "iota") and all(
+        size < eqn.outvars[0].aval.size for size in sizes
+    )
+
+
+def _needed(group: Sequence, repeats: dict) -> list:
+    """The repetitions that the group reads, in order."""
+    found = {}
+
+    def visit(eqn):
+        for v in _variables(eqn.invars):
+            if v in repeats and v not in found:
+                visit(repeats[v])
+                found[v] = repeats[v]
+
+    for eqn in group:
+        visit(eqn)
+    return list(found.values())
+
+
+def _fits(eqn) -> bool:
+    """Whether the equation, with all that it calls, can be part of a section."""
+    if eqn.primitive.name not in KNOWN or eqn.effects:
+        return False
+    if not all(_is_plain(v.aval) for v in (*eqn.invars, *eqn.outvars)):
+        return False
+    if eqn.primitive.name == "lane_contract":
+        x, y = (v.aval for v in eqn.invars)
+        return contract.is_written_out(x, y, eqn.params["labels"])
+    return all(_fits(inner) for jaxpr in params.bodies(eqn) for inner in jaxpr.eqns)
+
+
+def _is_plain(kind) -> bool:
+    """An array of booleans, or of integers or floats that need no emulation."""
+    dtype = getattr(kind, "dtype", None)
+    return getattr(dtype, "name", None) in PLAIN
+
+
+def _weight(eqns: Sequence) -> int:
+    """Number of equations, with all that they call."""
+    return sum(1 + sum(_weight(jaxpr.eqns) for jaxpr in params.bodies(eqn)) for eqn in eqns)
+
+
+def _inner_divided(eqn):
+    """The equation itself; of a long loop or branching, with its bodies in sections."""
+    if eqn.effects or _weight([eqn]) < MIN_EQUATIONS:
+        return eqn
+    match params.read(eqn):
+        case params.Scan(num_consts=fixed) | params.While(num_body_consts=fixed):
+            return params.with_bodies(eqn, functools.partial(_divided, fixed=fixed))
+        case params.Cond():
+            return params.with_bodies(eqn, functools.partial(_divided, fixed=0))
+    return eqn
+
+
+def _written_out(jaxpr):
+    """The program with the equations of its calls in their place."""
+    eqns, known = [], {}
+
+    def inline(inner, known):
+        def old(atom):
+            return atom if isinstance(atom, jex.Literal) else known.get(atom, atom)
+
+        for eqn in inner.eqns:
+            operands = [old(v) for v in eqn.invars]
+            body = _inlined_body(eqn)
+            if body is None:
+                new = [v if isinstance(v, jex.DropVar) else jex.Var(v.aval) for v in eqn.outvars]
+                eqns.append(eqn.replace(invars=operands, outvars=new))
+            else:
+                new = inline(body, dict(zip(body.invars, operands, strict=True)))
+            known.update(zip(eqn.outvars, new, strict=True))
+        return [old(v) for v in inner.outvars]
+
+    results = inline(jaxpr, known)
+    return jaxpr.replace(eqns=eqns, outvars=results)
+
+
+def _inlined_body(eqn):
+    """The program of a call that need not stay one, else None."""
+    if eqn.primitive.name not in CALLS or eqn.effects or eqn.ctx.xla_metadata:
+        return None
+    form = params.read(eqn)
+    return None if form is None or form.body.consts else form.body.jaxpr
+
+
+def _living(jaxpr):
+    """The program without the equations that nobody needs, which a section would keep."""
+    needed, eqns = set(_variables(jaxpr.outvars)), []
+    for eqn in reversed(jaxpr.eqns):
+        if eqn.effects or not needed.isdisjoint(eqn.outvars):
+            eqns.append(eqn)
+            needed.update(_variables(eqn.invars))
+    return jaxpr.replace(eqns=eqns[::-1])
+
+
+def _variables(atoms: Sequence) -> list:
+    return [v for v in atoms if isinstance(v, jex.Var)]
+
+
+def _section(eqns: Sequence, results: Sequence):
+    """One equation for several; arrays without elements are no operands and no results."""
+    made = {v for eqn in eqns for v in eqn.outvars}
+    read = dict.fromkeys(v for eqn in eqns for v in _variables(eqn.invars) if v not in made)
+    program = params.closed([*read], results, _parts_apart(eqns))
+    return jex.new_jaxpr_eqn([*read], results, section_p, {"program": program}, set())
+
+
+def _parts_apart(eqns: Sequence) -> list:
+    """The equations, where parts of arrays are computed before they are put together.
+
+    LLVM does not vectorise a loop over lanes that computes one of several parts.
+    """
+    made = {v for eqn in eqns if eqn.primitive.name not in VIEWS for v in eqn.outvars}
+    new = []
+    for eqn in eqns:
+        if eqn.primitive.name in ("concatenate", "stack"):
+            first = tuple(isinstance(v, jex.Var) and v in made for v in eqn.invars)
+            eqn = eqn.replace(primitive=apart_p, params={"whole": eqn, "first": first})
+        elif eqn.primitive.name in ("scan", "while", "cond"):
+            apart = lambda jaxpr: jaxpr.replace(eqns=_parts_apart(jaxpr.eqns))  # noqa: E731
+            eqn = params.with_bodies(eqn, apart)
+        new.append(eqn)
+    return new
+
+
+def _put_together(*parts, whole, first):
+    parts = [computed(x) if f else x for x, f in zip(parts, first, strict=True)]
+    return whole.primitive.bind(*parts, **whole.params)
+
+
+apart_p = jex.Primitive("apart")
+apart_p.def_abstract_eval(lambda *_, whole, first: whole.outvars[0].aval)
+mlir.register_lowering(apart_p, mlir.lower_fun(_put_together, multiple_results=False))
+
+
+def _run(*values, program):
+    """Calls the section as one function."""
+    # XLA aborts where it finds an operand of such a function unused. So none may be a constant,
+    # which would become part of the function, and each is read even where that is not necessary.
+    full = lax.optimization_barrier([x for x in values if x.size])
+
+    def section(*xs):
+        given = iter(xs)
+        operands = [next(given) if x.size else jnp.zeros_like(x) for x in values]
+        results = jex.jaxpr_as_fun(program)(*operands)
+        return [*(x for x in results if x.size), sum(map(_touch, xs), jnp.int32(0))]
+
+    (call,) = jax.make_jaxpr(jax.jit(section))(*full).eqns
+    with set_xla_metadata(inlineable="false", xla_cpu_small_call="true"):
+        results = iter(call.primitive.bind(*full, **call.params))
+    return [next(results) if v.size else jnp.zeros(v.shape, v.dtype) for v in program.out_avals]
+
+
+def _touch(x):
+    """A number that takes an element of x to compute."""
+    first = lax.squeeze(lax.slice(x, (0,) * x.ndim, (1,) * x.ndim), range(x.ndim))
+    return lax.ne(first, lax.full_like(first, 0)).astype(jnp.int32)
+
+
+section_p = jex.Primitive("section")
+section_p.multiple_results = True
+section_p.def_abstract_eval(lambda *_, program: program.out_avals)
+mlir.register_lowering(section_p, mlir.lower_fun(_run, multiple_results=True))

@@ -1,0 +1,201 @@
+"""Programs in sections give what they gave, and XLA gets the sections as single functions."""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jax import lax
+
+from jaxsim.batch.devices import compiler_options
+from jaxsim.batch.sections import MAX_EQUATIONS, sectioned
+
+LANES = 48
+
+
+def _long(x, turns=20):
+    """More than enough equations for a section."""
+    for i in range(turns):
+        x = jnp.where(x > i, jnp.sqrt(jnp.abs(x) + i), 0.5 * x - i)
+    return x
+
+
+def _branches(x, y):
+    x = lax.cond(x[0, 0] > 0, _long, lambda x: -_long(x), x)
+    return lax.switch(jnp.int32(y[0, 0]) % 3, [jnp.sin, _long, jnp.exp], x), y
+
+
+def _loops(x, y):
+    def body(state):
+        i, x, best = state
+        x = _long(x, 4) + y
+        return i + 1, x, jnp.maximum(best, x.max(axis=0))
+
+    first = jnp.int32(0), x, jnp.full(LANES, -jnp.inf)
+    return lax.while_loop(lambda s: (s[0] < 7) & jnp.any(s[2] < 1e3), body, first)
+
+
+def _scanned(x, y):
+    def body(carry, row):
+        carry = _long(carry) + row + jnp.tanh(y).sum(axis=0)
+        return carry, carry * 2
+
+    return lax.scan(body, x[0], jnp.concatenate([x, y]))
+
+
+def _put_together(x, y):
+    rows = [_long(x[i] * y[2 - i], 5) for i in range(3)]
+    both = jnp.stack([jnp.concatenate([jnp.stack(rows), x]), jnp.concatenate([y, x + y])])
+    return both[:, ::-1], jnp.pad(both, ((0, 0), (1, 2), (0, 0)))[1, 2:5]
+
+
+def _integers(x, y):
+    which = jnp.argsort(_long(x), axis=0)
+    bits = (jnp.abs(y) * 7).astype(jnp.int32) << 2 ^ which
+    taken = jnp.take_along_axis(_long(y), which, axis=0)
+    return bits, taken > 0, taken.at[which[:, 0]].add(1.0)
+
+
+def _products(x, y):
+    square = _long(x) @ _long(y).T
+    return jnp.linalg.solve(square @ square.T + 40 * jnp.eye(3), _long(x))
+
+
+def _without_elements(x, y):
+    none = _long(x[:0])
+    return none, jnp.concatenate([none, _long(y)]), _long(jnp.zeros((0, 2)))
+
+
+def _unnecessary(x, y):
+    """XLA finds that the result does not depend on y."""
+    return jnp.concatenate([_long(x), y])[:3] + jnp.where(False, _long(y), 0.0)
+
+
+def _operands_as_results(x, y):
+    x, again = jax.jit(lambda x: (x, _long(x)))(x)
+    return x, y, again, again, jnp.float32(3), jnp.arange(5)
+
+
+TABLE = np.linspace(-1, 1, 400 * LANES).reshape(400, LANES).astype(np.float32)
+
+
+def _constants(x, y):
+    found = jnp.asarray(TABLE)[jnp.clip(jnp.int32(jnp.abs(x[:, :1]) * 100), 0, 399)[:, 0]]
+    return _long(found * TABLE[7]) + _long(jnp.arange(3.0)[:, None] + y)
+
+
+PROGRAMS = [
+    _branches,
+    _loops,
+    _scanned,
+    _put_together,
+    _integers,
+    _products,
+    _without_elements,
+    _unnecessary,
+    _operands_as_results,
+    _constants,
+]
+
+
+@pytest.fixture
+def arguments():
+    rng = np.random.default_rng(3)
+    return [jnp.asarray(rng.normal(size=(3, LANES)), jnp.float32) for _ in range(2)]
+
+
+def _compiled(f):
+    return jax.jit(sectioned(f), compiler_options=compiler_options("cpu"))
+
+
+@pytest.mark.parametrize("f", PROGRAMS, ids=lambda f: f.__name__[1:])
+def test_same_results(f, arguments):
+    with jax.numpy_rank_promotion("allow"):
+        expected = jax.jit(f)(*arguments)
+        result = _compiled(f)(*arguments)
+        assert "xla_cpu_small_call" in _compiled(f).lower(*arguments).as_text()
+    # Sums and products are fused to other groups, which changes their rounding.
+    close = functools.partial(np.testing.assert_allclose, rtol=2e-5, atol=2e-5)
+    jax.tree.map(close, result, expected)
+    kinds = functools.partial(jax.tree.map, lambda x: (x.shape, x.dtype))
+    assert kinds(result) == kinds(expected)
+
+
+def test_one_function_for_a_short_program(arguments):
+    """Control flow included: nothing but the call is left."""
+    traced = jax.make_jaxpr(sectioned(_loops))(*arguments)
+    (section,) = (eqn for eqn in traced.eqns if eqn.primitive.name == "section")
+    inner = {eqn.primitive.name for eqn in section.params["program"].jaxpr.eqns}
+    assert "while" in inner
+    assert not {"while", "add", "sqrt"} & {eqn.primitive.name for eqn in traced.eqns}
+
+
+def test_long_loops_are_divided_inside(arguments):
+    def f(x):
+        body = lambda x, _: (_long(x, MAX_EQUATIONS // 4), ())  # noqa: E731
+        return lax.scan(body, x, length=3)[0]
+
+    traced = jax.make_jaxpr(sectioned(f))(arguments[0])
+    (loop,) = (eqn for eqn in traced.eqns if eqn.primitive.name == "scan")
+    sections = [e for e in loop.params["jaxpr"].jaxpr.eqns if e.primitive.name == "section"]
+    assert len(sections) > 1
+    sizes = [len(e.params["program"].jaxpr.eqns) for e in sections]
+    assert max(sizes) <= MAX_EQUATIONS
+    np.testing.assert_allclose(_compiled(f)(arguments[0]), jax.jit(f)(arguments[0]), rtol=2e-5)
+
+
+def test_what_a_loop_does_not_change_is_in_no_section(arguments):
+    """XLA takes it out of the loop; what only repeats numbers goes where it is read."""
+
+    def f(x, scale):
+        def body(x, _):
+            spread = jnp.broadcast_to(jnp.exp(scale)[:, None], x.shape)
+            return _long(x, MAX_EQUATIONS // 4) * spread, ()
+
+        return lax.scan(body, x, length=2)[0]
+
+    traced = jax.make_jaxpr(sectioned(f))(arguments[0], jnp.ones(3))
+    (loop,) = (eqn for eqn in traced.eqns if eqn.primitive.name == "scan")
+    outside = [eqn.primitive.name for eqn in loop.params["jaxpr"].jaxpr.eqns]
+    assert "exp" in outside
+    for eqn in loop.params["jaxpr"].jaxpr.eqns:
+        if eqn.primitive.name == "section":
+            inside = [e.primitive.name for e in eqn.params["program"].jaxpr.eqns]
+            assert "exp" not in inside
+
+
+def test_dead_equations_are_dropped(arguments):
+    def f(x):
+        jnp.cumsum(_long(x))
+        return _long(x)
+
+    traced = jax.make_jaxpr(sectioned(f))(arguments[0])
+    (section,) = (eqn for eqn in traced.eqns if eqn.primitive.name == "section")
+    inside = {eqn.primitive.name for eqn in section.params["program"].jaxpr.eqns}
+    assert "cumsum" not in inside
+
+
+def test_effects_stay_and_keep_their_order(arguments):
+    seen = []
+
+    def f(x):
+        x = _long(x)
+        jax.debug.callback(lambda s: seen.append(float(s)), x[0, 0], ordered=True)
+        x = _long(x)
+        jax.debug.callback(lambda s: seen.append(float(s)), x[0, 0], ordered=True)
+        return x
+
+    result = _compiled(f)(arguments[0])
+    jax.effects_barrier()
+    once = _long(arguments[0])
+    np.testing.assert_allclose(seen, [once[0, 0], _long(once)[0, 0]], rtol=1e-5)
+    np.testing.assert_allclose(result, _long(once), rtol=1e-5)
+
+
+def test_float64(arguments):
+    with jax.enable_x64(True):
+        doubles = [jnp.asarray(np.asarray(x), jnp.float64) for x in arguments]
+        for f in (_loops, _put_together):
+            close = functools.partial(np.testing.assert_allclose, rtol=1e-12)
+            jax.tree.map(close, _compiled(f)(*doubles), jax.jit(f)(*doubles))
