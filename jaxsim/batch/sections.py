@@ -42,6 +42,8 @@ KNOWN = frozenset(
 )
 PLAIN = "bool", "int8", "uint8", "int32", "uint32", "int64", "uint64", "float32", "float64"
 VIEWS = "slice", "squeeze", "reshape", "expand_dims", "concatenate", "stack"  # of other arrays
+# Of integers only: XLA gives sums and maxima of floats to a library.
+COMBINING = "cumsum", "reduce_max", "reduce_min", "reduce_sum"
 CALLS = "jit", "pjit", "closed_call", "custom_jvp_call", "custom_vjp_call"
 
 
@@ -163,6 +165,8 @@ def _fits(eqn) -> bool:
     if eqn.primitive.name not in KNOWN or eqn.effects:
         return False
     if not all(_is_plain(v.aval) for v in (*eqn.invars, *eqn.outvars)):
+        return False
+    if eqn.primitive.name in COMBINING and "float" in eqn.invars[0].aval.dtype.name:
         return False
     if eqn.primitive.name == "lane_contract":
         x, y = (v.aval for v in eqn.invars)
