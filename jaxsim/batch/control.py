@@ -140,7 +140,8 @@ def _go_on(lanes, loop: _Loop, few: int, active, consts, carry) -> list:
     lane = lax.iota(place.dtype, lanes.size)
     # Places that are left over repeat lane 0, and nobody looks at them. No scatter, which could
     # not be part of a section.
-    chosen = jnp.sum(jnp.where(place == jnp.arange(few)[:, None], lane, 0), axis=1)
+    here = place[None, :] == jnp.arange(few, dtype=place.dtype)[:, None]
+    chosen = jnp.sum(jnp.where(here, lane[None, :], 0), axis=1, dtype=place.dtype)
 
     def take(values, flags):
         return [_lanes(v, chosen) if on else v for v, on in zip(values, flags, strict=True)]
