@@ -12,7 +12,7 @@ from jaxsim.model import Model
 # The working set of a chunk should stay in a CPU's second-level cache: this many links, of which a
 # contact counts as two, in all lanes together, within limits below which the vectors are too short
 # and above which nothing is gained.
-CACHED_LINKS, MIN_LANES, MAX_LANES = 24576, 64, 128
+CACHED_LINKS, MIN_LANES, MAX_LANES = 12288, 64, 128
 VECTOR = 16  # numbers of a processor's vector; other lanes are left over, and slow
 
 
