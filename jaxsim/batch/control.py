@@ -70,7 +70,7 @@ def while_(lanes, eqn, values, flags):
     if not frozen:
         return loop.run_together(lanes, consts, carry)
     few = lanes.size // FEW
-    if few < MIN_FEW or _length(form.body.jaxpr) < LONG:
+    if few < MIN_FEW or params.length(form.body.jaxpr.eqns) < LONG:
         return loop.run(lanes, consts, carry, 0)[1]
     active, carry = loop.run(lanes, consts, carry, few)
     return lax.cond(
@@ -158,11 +158,6 @@ def _lanes(x, index):
     """Chosen lanes of x. With all other axes as one, XLA copies half as much."""
     rows = x.reshape(-1, x.shape[-1])
     return jnp.take(rows, index, axis=1, mode="clip").reshape(*x.shape[:-1], len(index))
-
-
-def _length(jaxpr) -> int:
-    """Equations of a program and all that it calls."""
-    return len(jaxpr.eqns) + sum(_length(b) for eqn in jaxpr.eqns for b in params.bodies(eqn))
 
 
 def cond(lanes, eqn, values, flags):

@@ -59,8 +59,8 @@ def parallel(f: Callable, mesh: Mesh, in_specs: Any, out_specs: Any, donate: Any
       donate: indices of arguments whose memory may be used for the results.
     """
     platform = mesh.devices.flat[0].platform
-    f = sectioned(f) if platform == "cpu" else f
-    mapped = jax.shard_map(f, mesh=mesh, in_specs=in_specs, out_specs=out_specs, check_vma=False)
+    part = sectioned(f, platform)
+    mapped = jax.shard_map(part, mesh=mesh, in_specs=in_specs, out_specs=out_specs, check_vma=False)
     return jax.jit(
         mapped,
         # Said explicitly, or arrays of size zero come back unsplit and must be compiled for anew.

@@ -8,7 +8,7 @@ is slower and just as right, and `warn_unknown` says so once.
 
 import functools
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -181,23 +181,25 @@ def bodies(eqn) -> Iterator[Any]:
                 yield inner
 
 
+def length(eqns: Sequence) -> int:
+    """Number of equations, with those of all that they call."""
+    return sum(1 + sum(length(jaxpr.eqns) for jaxpr in bodies(eqn)) for eqn in eqns)
+
+
 def with_bodies(eqn, change: Callable):
     """The equation with other jaxprs where it loops or branches, conditions of loops excepted.
 
     `change` takes and returns an open jaxpr with the same operands and results.
     """
-    new = {}
-    for name in {"scan": ["jaxpr"], "while": ["body_jaxpr"], "cond": ["branches"]}.get(
-        eqn.primitive.name, []
-    ):
-        value = eqn.params[name]
-        many = isinstance(value, tuple | list)
-        new[name] = (
-            type(value)(with_jaxpr(part, change) for part in value)
-            if many
-            else with_jaxpr(value, change)
-        )
-    return eqn.replace(params={**eqn.params, **new})
+    name = {"scan": "jaxpr", "while": "body_jaxpr", "cond": "branches"}.get(eqn.primitive.name)
+    if name is None:
+        return eqn
+    value = eqn.params[name]
+    if isinstance(value, tuple):
+        value = tuple(with_jaxpr(part, change) for part in value)
+    else:
+        value = with_jaxpr(value, change)
+    return eqn.replace(params={**eqn.params, name: value})
 
 
 def with_jaxpr(jaxpr, change: Callable):

@@ -20,7 +20,7 @@ from jax.extend import core as jex
 from jax.interpreters import mlir
 
 from jaxsim.batch import contract, params
-from jaxsim.batch.fusion import computed
+from jaxsim.batch.fusion import computed, not_inlined
 
 # Equations of a section, those of its loops counted once: below the first the start is no matter,
 # and above the second LLVM takes longer for one function than for two.
@@ -47,11 +47,14 @@ COMBINING = "cumsum", "reduce_max", "reduce_min", "reduce_sum"
 CALLS = "jit", "pjit", "closed_call", "custom_jvp_call", "custom_vjp_call"
 
 
-def sectioned(f: Callable) -> Callable:
-    """The same function, its program in sections. It has no derivatives any more.
+def sectioned(f: Callable, platform: str) -> Callable:
+    """The same function, its program in sections if it is for a CPU.
 
-    It must be compiled with `devices.compiler_options`, which keep XLA's optimisation barriers.
+    It is the outermost one, as it has no derivatives any more, and must be compiled with
+    `devices.compiler_options`, which keep XLA's optimisation barriers.
     """
+    if platform != "cpu":
+        return f
 
     @functools.wraps(f)
     def divided(*args):
@@ -70,13 +73,13 @@ def _divided(jaxpr, fixed: int):
     jaxpr = _living(_written_out(jaxpr))
     still = _still(jaxpr, fixed)
     groups = list(_groups(jaxpr.eqns, still))
-    users = _users(jaxpr, groups)
+    users = _users(jaxpr, [group for group, _ in groups])
     repeats = {
         v: eqn for eqn in jaxpr.eqns for v in eqn.outvars if v in still and _is_repetition(eqn)
     }
     eqns = []
-    for place, group in enumerate(groups):
-        if not _repays(group, still):
+    for place, (group, repays) in enumerate(groups):
+        if not repays:
             eqns += map(_inner_divided, group)
             continue
         results = [v for eqn in group for v in eqn.outvars if users[v] - {place}]
@@ -84,36 +87,27 @@ def _divided(jaxpr, fixed: int):
     return jaxpr.replace(eqns=eqns)
 
 
-def _groups(eqns: Sequence, still: set) -> Iterator[list]:
-    """Equations in an order that is as good, in groups: a section, or one that fits in none.
+def _groups(eqns: Sequence, still: set) -> Iterator[tuple[list, bool]]:
+    """Equations in an order that is as good, in groups, and whether each becomes a section.
 
     What does not change from turn to turn of a loop is in no section: XLA takes it out of the loop.
     """
     section, made, size = [], set(), 0
     for eqn in eqns:
-        weight, joins = _weight([eqn]), _joins(eqn, still)
-        full = joins and size + weight > MAX_EQUATIONS
+        length = params.length([eqn])
+        joins = length <= MAX_EQUATIONS and not still.issuperset(eqn.outvars) and _fits(eqn)
+        full = joins and size + length > MAX_EQUATIONS
         if section and (full or (not joins and not made.isdisjoint(_variables(eqn.invars)))):
-            yield section
+            yield section, size >= MIN_EQUATIONS
             section, made, size = [], set(), 0
         if joins:
             section.append(eqn)
             made.update(eqn.outvars)
-            size += weight
+            size += length
         else:
-            yield [eqn]
+            yield [eqn], False
     if section:
-        yield section
-
-
-def _joins(eqn, still: set) -> bool:
-    """Whether the equation can be part of a section."""
-    return not still.issuperset(eqn.outvars) and _weight([eqn]) <= MAX_EQUATIONS and _fits(eqn)
-
-
-def _repays(group: Sequence, still: set) -> bool:
-    """Whether the group becomes a section."""
-    return _weight(group) >= MIN_EQUATIONS and all(_joins(eqn, still) for eqn in group)
+        yield section, size >= MIN_EQUATIONS
 
 
 def _users(jaxpr, groups: Sequence[Sequence]) -> dict:
@@ -180,14 +174,9 @@ def _is_plain(kind) -> bool:
     return getattr(dtype, "name", None) in PLAIN
 
 
-def _weight(eqns: Sequence) -> int:
-    """Number of equations, with all that they call."""
-    return sum(1 + sum(_weight(jaxpr.eqns) for jaxpr in params.bodies(eqn)) for eqn in eqns)
-
-
 def _inner_divided(eqn):
     """The equation itself; of a long loop or branching, with its bodies in sections."""
-    if eqn.effects or _weight([eqn]) < MIN_EQUATIONS:
+    if eqn.effects or params.length([eqn]) < MIN_EQUATIONS:
         return eqn
     match params.read(eqn):
         case params.Scan(num_consts=fixed) | params.While(num_body_consts=fixed):
@@ -199,25 +188,24 @@ def _inner_divided(eqn):
 
 def _written_out(jaxpr):
     """The program with the equations of its calls in their place."""
-    eqns, known = [], {}
+    eqns = []
 
     def inline(inner, known):
-        def old(atom):
+        def new(atom):
             return atom if isinstance(atom, jex.Literal) else known.get(atom, atom)
 
         for eqn in inner.eqns:
-            operands = [old(v) for v in eqn.invars]
+            operands = [new(v) for v in eqn.invars]
             body = _inlined_body(eqn)
             if body is None:
-                new = [v if isinstance(v, jex.DropVar) else jex.Var(v.aval) for v in eqn.outvars]
-                eqns.append(eqn.replace(invars=operands, outvars=new))
+                made = [v if isinstance(v, jex.DropVar) else jex.Var(v.aval) for v in eqn.outvars]
+                eqns.append(eqn.replace(invars=operands, outvars=made))
             else:
-                new = inline(body, dict(zip(body.invars, operands, strict=True)))
-            known.update(zip(eqn.outvars, new, strict=True))
-        return [old(v) for v in inner.outvars]
+                made = inline(body, dict(zip(body.invars, operands, strict=True)))
+            known.update(zip(eqn.outvars, made, strict=True))
+        return [new(v) for v in inner.outvars]
 
-    results = inline(jaxpr, known)
-    return jaxpr.replace(eqns=eqns, outvars=results)
+    return jaxpr.replace(outvars=inline(jaxpr, {}), eqns=eqns)
 
 
 def _inlined_body(eqn):
@@ -243,7 +231,7 @@ def _variables(atoms: Sequence) -> list:
 
 
 def _section(eqns: Sequence, results: Sequence):
-    """One equation for several; arrays without elements are no operands and no results."""
+    """One equation for several."""
     made = {v for eqn in eqns for v in eqn.outvars}
     read = dict.fromkeys(v for eqn in eqns for v in _variables(eqn.invars) if v not in made)
     program = params.closed([*read], results, _parts_apart(eqns))
@@ -279,7 +267,7 @@ mlir.register_lowering(apart_p, mlir.lower_fun(_put_together, multiple_results=F
 
 
 def _run(*values, program):
-    """Calls the section as one function."""
+    """Calls the section as one function; arrays without elements are not operands or results."""
     # XLA aborts where it finds an operand of such a function unused. So none may be a constant,
     # which would become part of the function, and each is read even where that is not necessary.
     full = lax.optimization_barrier([x for x in values if x.size])
@@ -291,7 +279,7 @@ def _run(*values, program):
         return [*(x for x in results if x.size), sum(map(_touch, xs), jnp.int32(0))]
 
     (call,) = jax.make_jaxpr(jax.jit(section))(*full).eqns
-    with set_xla_metadata(inlineable="false", xla_cpu_small_call="true"):
+    with not_inlined(), set_xla_metadata(xla_cpu_small_call="true"):
         results = iter(call.primitive.bind(*full, **call.params))
     return [next(results) if v.size else jnp.zeros(v.shape, v.dtype) for v in program.out_avals]
 

@@ -20,7 +20,7 @@ def test_even_lanes(model, count, lanes):
 
 
 def test_large_models_come_in_small_chunks():
-    few, many = (chunk_lanes(jaxsim.load(_spheres(n))) for n in (2, 240))
+    few, many = (chunk_lanes(jaxsim.load(_spheres(n))) for n in (2, 60))
     assert MIN_LANES <= many < few
     assert few % VECTOR == many % VECTOR == 0
 
@@ -31,7 +31,7 @@ def _spheres(count):
     return f'<mujoco><worldbody><geom type="plane" size="1 1 1"/>{balls}</worldbody></mujoco>'
 
 
-@pytest.mark.parametrize("batch", [129, 400])
+@pytest.mark.parametrize("batch", [129, 257, 400])
 def test_rollouts_in_chunks(batch):
     """A batch that fills no chunks gives the same as its parts."""
     model = jaxsim.load("pendulum")

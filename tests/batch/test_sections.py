@@ -111,7 +111,7 @@ def arguments():
 
 
 def _compiled(f):
-    return jax.jit(sectioned(f), compiler_options=compiler_options("cpu"))
+    return jax.jit(sectioned(f, "cpu"), compiler_options=compiler_options("cpu"))
 
 
 @pytest.mark.parametrize("f", PROGRAMS, ids=lambda f: f.__name__[1:])
@@ -129,7 +129,7 @@ def test_same_results(f, arguments):
 
 def test_one_function_for_a_short_program(arguments):
     """Control flow included: nothing but the call is left."""
-    traced = jax.make_jaxpr(sectioned(_loops))(*arguments)
+    traced = jax.make_jaxpr(sectioned(_loops, "cpu"))(*arguments)
     (section,) = (eqn for eqn in traced.eqns if eqn.primitive.name == "section")
     inner = {eqn.primitive.name for eqn in section.params["program"].jaxpr.eqns}
     assert "while" in inner
@@ -141,7 +141,7 @@ def test_long_loops_are_divided_inside(arguments):
         body = lambda x, _: (_long(x, MAX_EQUATIONS // 4), ())  # noqa: E731
         return lax.scan(body, x, length=3)[0]
 
-    traced = jax.make_jaxpr(sectioned(f))(arguments[0])
+    traced = jax.make_jaxpr(sectioned(f, "cpu"))(arguments[0])
     (loop,) = (eqn for eqn in traced.eqns if eqn.primitive.name == "scan")
     sections = [e for e in loop.params["jaxpr"].jaxpr.eqns if e.primitive.name == "section"]
     assert len(sections) > 1
@@ -160,7 +160,7 @@ def test_what_a_loop_does_not_change_is_in_no_section(arguments):
 
         return lax.scan(body, x, length=2)[0]
 
-    traced = jax.make_jaxpr(sectioned(f))(arguments[0], jnp.ones(3))
+    traced = jax.make_jaxpr(sectioned(f, "cpu"))(arguments[0], jnp.ones(3))
     (loop,) = (eqn for eqn in traced.eqns if eqn.primitive.name == "scan")
     outside = [eqn.primitive.name for eqn in loop.params["jaxpr"].jaxpr.eqns]
     assert "exp" in outside
@@ -175,7 +175,7 @@ def test_dead_equations_are_dropped(arguments):
         jnp.cumsum(_long(x))
         return _long(x)
 
-    traced = jax.make_jaxpr(sectioned(f))(arguments[0])
+    traced = jax.make_jaxpr(sectioned(f, "cpu"))(arguments[0])
     (section,) = (eqn for eqn in traced.eqns if eqn.primitive.name == "section")
     inside = {eqn.primitive.name for eqn in section.params["program"].jaxpr.eqns}
     assert "cumsum" not in inside
