@@ -8,6 +8,7 @@ import jax
 import numpy as np
 
 from jaxsim.batch.devices import compiler_options
+from jaxsim.batch.sections import sectioned
 from jaxsim.envs.base import Env, EnvState
 from jaxsim.envs.bridges import batch, render, spaces
 from jaxsim.envs.registry import make
@@ -112,7 +113,8 @@ def _info(state: EnvState) -> dict[str, Any]:
 
 @functools.cache
 def _compiled(f):
-    return jax.jit(f, compiler_options=compiler_options(jax.default_backend()))
+    platform = jax.default_backend()
+    return jax.jit(sectioned(f, platform), compiler_options=compiler_options(platform))
 
 
 def _restart(env, key):
