@@ -9,8 +9,9 @@ from jax import lax
 
 from jaxsim.batch import flow, params
 
-# When only a quarter of the lanes wants to, a long loop goes on with those alone.
-FEW, MIN_FEW = 4, 16  # the part, and fewer lanes than are worth it
+# When only an eighth of the lanes wants to, a long loop goes on with those alone. Twice as many,
+# 32 of 128, take longer: LLVM unrolls loops over so few lanes before it would make vectors of them.
+FEW, MIN_FEW = 8, 16  # the part, and fewer lanes than are worth it
 LONG = 300  # equations of a body that repays the change
 INLINE = 16  # a jitted function of fewer equations becomes part of its caller
 

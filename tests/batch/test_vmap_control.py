@@ -84,14 +84,14 @@ def test_frozen_lanes_see_no_overflow():
 
 @pytest.fixture
 def every_loop_narrows(monkeypatch):
-    """Short loops over few lanes go on with a quarter of them, too."""
+    """Short loops over few lanes go on with an eighth of them, too."""
     monkeypatch.setattr(control, "LONG", 0)
     monkeypatch.setattr(control, "MIN_FEW", 1)
 
 
-@pytest.mark.parametrize("late", [0, 1, 4, 7, 16])
+@pytest.mark.parametrize("late", [0, 1, 2, 5, 16])
 def test_while_goes_on_with_the_lanes_that_are_left(every_loop_narrows, late):
-    """None, some, a quarter, more than a quarter or all lanes take longer than the others."""
+    """None, one, an eighth, more than an eighth or all lanes take longer than the others."""
 
     def f(x, bound, table):
         def turn(state):
