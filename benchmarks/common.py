@@ -96,13 +96,10 @@ def compile_for(f: Callable, *args):
     """
     import jax
 
-    from jaxsim.batch.devices import compiler_options
-    from jaxsim.batch.sections import sectioned
+    from jaxsim.batch.devices import compiled
 
-    platform = jax.default_backend()
-    options = compiler_options(platform)
     start = time.perf_counter()
-    program = jax.jit(sectioned(f, platform), compiler_options=options).lower(*args).compile()
+    program = compiled(f, jax.default_backend()).lower(*args).compile()
     seconds = time.perf_counter() - start
     return (lambda: jax.block_until_ready(program(*args))), program, seconds
 

@@ -48,6 +48,11 @@ def compiler_options(platform: str) -> dict[str, Any] | None:
     }
 
 
+def compiled(f: Callable, platform: str) -> Callable:
+    """Compile a function, which is not to be differentiated, for one device of a platform."""
+    return jax.jit(sectioned(f, platform), compiler_options=compiler_options(platform))
+
+
 def parallel(f: Callable, mesh: Mesh, in_specs: Any, out_specs: Any, donate: Any = ()) -> Callable:
     """Compile a function of one device's part for all devices.
 

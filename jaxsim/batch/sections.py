@@ -244,15 +244,13 @@ def _parts_apart(eqns: Sequence) -> list:
     LLVM does not vectorise a loop over lanes that computes one of several parts.
     """
     made = {v for eqn in eqns if eqn.primitive.name not in VIEWS for v in eqn.outvars}
+    apart = lambda jaxpr: jaxpr.replace(eqns=_parts_apart(jaxpr.eqns))  # noqa: E731
     new = []
     for eqn in eqns:
         if eqn.primitive.name in ("concatenate", "stack"):
             first = tuple(isinstance(v, jex.Var) and v in made for v in eqn.invars)
             eqn = eqn.replace(primitive=apart_p, params={"whole": eqn, "first": first})
-        elif eqn.primitive.name in ("scan", "while", "cond"):
-            apart = lambda jaxpr: jaxpr.replace(eqns=_parts_apart(jaxpr.eqns))  # noqa: E731
-            eqn = params.with_bodies(eqn, apart)
-        new.append(eqn)
+        new.append(params.with_bodies(eqn, apart))
     return new
 
 

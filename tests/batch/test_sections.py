@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from jax import lax
 
-from jaxsim.batch.devices import compiler_options
+from jaxsim.batch.devices import compiled
 from jaxsim.batch.sections import MAX_EQUATIONS, sectioned
 
 LANES = 48
@@ -110,16 +110,12 @@ def arguments():
     return [jnp.asarray(rng.normal(size=(3, LANES)), jnp.float32) for _ in range(2)]
 
 
-def _compiled(f):
-    return jax.jit(sectioned(f, "cpu"), compiler_options=compiler_options("cpu"))
-
-
 @pytest.mark.parametrize("f", PROGRAMS, ids=lambda f: f.__name__[1:])
 def test_same_results(f, arguments):
     with jax.numpy_rank_promotion("allow"):
         expected = jax.jit(f)(*arguments)
-        result = _compiled(f)(*arguments)
-        assert "xla_cpu_small_call" in _compiled(f).lower(*arguments).as_text()
+        result = compiled(f, "cpu")(*arguments)
+        assert "xla_cpu_small_call" in compiled(f, "cpu").lower(*arguments).as_text()
     # Sums and products are fused to other groups, which changes their rounding.
     close = functools.partial(np.testing.assert_allclose, rtol=2e-5, atol=2e-5)
     jax.tree.map(close, result, expected)
@@ -147,7 +143,9 @@ def test_long_loops_are_divided_inside(arguments):
     assert len(sections) > 1
     sizes = [len(e.params["program"].jaxpr.eqns) for e in sections]
     assert max(sizes) <= MAX_EQUATIONS
-    np.testing.assert_allclose(_compiled(f)(arguments[0]), jax.jit(f)(arguments[0]), rtol=2e-5)
+    np.testing.assert_allclose(
+        compiled(f, "cpu")(arguments[0]), jax.jit(f)(arguments[0]), rtol=2e-5
+    )
 
 
 def test_what_a_loop_does_not_change_is_in_no_section(arguments):
@@ -191,7 +189,7 @@ def test_effects_stay_and_keep_their_order(arguments):
         jax.debug.callback(lambda s: seen.append(float(s)), x[0, 0], ordered=True)
         return x
 
-    result = _compiled(f)(arguments[0])
+    result = compiled(f, "cpu")(arguments[0])
     jax.effects_barrier()
     once = _long(arguments[0])
     np.testing.assert_allclose(seen, [once[0, 0], _long(once)[0, 0]], rtol=1e-5)
@@ -203,4 +201,4 @@ def test_float64(arguments):
         doubles = [jnp.asarray(np.asarray(x), jnp.float64) for x in arguments]
         for f in (_loops, _put_together):
             close = functools.partial(np.testing.assert_allclose, rtol=1e-12)
-            jax.tree.map(close, _compiled(f)(*doubles), jax.jit(f)(*doubles))
+            jax.tree.map(close, compiled(f, "cpu")(*doubles), jax.jit(f)(*doubles))

@@ -7,8 +7,7 @@ import gymnasium
 import jax
 import numpy as np
 
-from jaxsim.batch.devices import compiler_options
-from jaxsim.batch.sections import sectioned
+from jaxsim.batch.devices import compiled
 from jaxsim.envs.base import Env, EnvState
 from jaxsim.envs.bridges import batch, render, spaces
 from jaxsim.envs.registry import make
@@ -113,8 +112,7 @@ def _info(state: EnvState) -> dict[str, Any]:
 
 @functools.cache
 def _compiled(f):
-    platform = jax.default_backend()
-    return jax.jit(sectioned(f, platform), compiler_options=compiler_options(platform))
+    return compiled(f, jax.default_backend())
 
 
 def _restart(env, key):
