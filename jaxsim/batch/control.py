@@ -9,9 +9,10 @@ from jax import lax
 
 from jaxsim.batch import flow, params
 
-# When only an eighth of the lanes wants to, a long loop goes on with those alone. Twice as many,
-# 32 of 128, take longer: LLVM unrolls loops over so few lanes before it would make vectors of them.
-FEW, MIN_FEW = 8, 16  # the part, and fewer lanes than are worth it
+# When only an eighth of the lanes wants to, or so few, a long loop goes on with those alone. Twice
+# as many, 32 of 128, take longer: LLVM unrolls loops over so few before it makes vectors of them.
+FEW, MIN_FEW = 8, 16
+MIN_GAIN = 4  # times fewer lanes repay the change
 LONG = 300  # equations of a body that repays the change
 INLINE = 16  # a jitted function of fewer equations becomes part of its caller
 
@@ -70,8 +71,8 @@ def while_(lanes, eqn, values, flags):
     loop = _Loop(form, list(flags[:first]), carry_flags)
     if not frozen:
         return loop.run_together(lanes, consts, carry)
-    few = lanes.size // FEW
-    if few < MIN_FEW or params.length(form.body.jaxpr.eqns) < LONG:
+    few = max(lanes.size // FEW, MIN_FEW)
+    if few * MIN_GAIN > lanes.size or params.length(form.body.jaxpr.eqns) < LONG:
         return loop.run(lanes, consts, carry, 0)[1]
     active, carry = loop.run(lanes, consts, carry, few)
     return lax.cond(
