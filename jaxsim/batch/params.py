@@ -162,6 +162,13 @@ def warn_unknown(name: str) -> None:
     )
 
 
+def platform_branch(eqn, platform: str):
+    """The index of the branch that a `lax.platform_dependent` takes, or None for all else."""
+    platforms = eqn.params.get("branches_platforms") if eqn.primitive.name == "cond" else None
+    fitting = (i for i, names in enumerate(platforms or ()) if names is None or platform in names)
+    return next(fitting, None)
+
+
 def rebind(eqn) -> Callable:
     """The equation as a function of all its operands, with its custom rules in force."""
     operands = [v for v in eqn.invars if not isinstance(v, jex.Literal)]

@@ -44,7 +44,6 @@ PLAIN = "bool", "int8", "uint8", "int32", "uint32", "int64", "uint64", "float32"
 VIEWS = "slice", "squeeze", "reshape", "expand_dims", "concatenate", "stack"  # of other arrays
 # Of integers only: XLA gives sums and maxima of floats to a library.
 COMBINING = "cumsum", "reduce_max", "reduce_min", "reduce_sum"
-CALLS = "jit", "pjit", "closed_call", "custom_jvp_call", "custom_vjp_call"
 
 
 def sectioned(f: Callable, platform: str) -> Callable:
@@ -187,7 +186,7 @@ def _inner_divided(eqn):
 
 
 def _written_out(jaxpr):
-    """The program with the equations of its calls in their place."""
+    """The program with the equations of its calls in their place, for a CPU, loops included."""
     eqns = []
 
     def inline(inner, known):
@@ -196,24 +195,37 @@ def _written_out(jaxpr):
 
         for eqn in inner.eqns:
             operands = [new(v) for v in eqn.invars]
-            body = _inlined_body(eqn)
-            if body is None:
+            call = _inlined_call(eqn, operands)
+            if call is None:
                 made = [v if isinstance(v, jex.DropVar) else jex.Var(v.aval) for v in eqn.outvars]
+                eqn = params.with_bodies(eqn, _written_out)
                 eqns.append(eqn.replace(invars=operands, outvars=made))
             else:
-                made = inline(body, dict(zip(body.invars, operands, strict=True)))
+                body, given = call
+                made = inline(body, dict(zip(body.invars, given, strict=True)))
             known.update(zip(eqn.outvars, made, strict=True))
         return [new(v) for v in inner.outvars]
 
     return jaxpr.replace(outvars=inline(jaxpr, {}), eqns=eqns)
 
 
-def _inlined_body(eqn):
-    """The program of a call that need not stay one, else None."""
-    if eqn.primitive.name not in CALLS or eqn.effects or eqn.ctx.xla_metadata:
+def _inlined_call(eqn, operands: Sequence):
+    """The program of a call that need not stay one, and its operands; else None."""
+    if eqn.effects or eqn.ctx.xla_metadata:
         return None
-    form = params.read(eqn)
-    return None if form is None or form.body.consts else form.body.jaxpr
+    branch = params.platform_branch(eqn, "cpu")
+    form = params.read(eqn) if branch is None else None
+    if branch is not None:
+        body, given = params.program(eqn.params["branches"][branch]), operands[1:]
+    elif isinstance(form, params.LinearSolve):  # derivatives have been taken
+        count, first = sum(form.counts.values()), form.counts["matvec"] + form.counts["vecmat"]
+        own = operands[first : first + form.counts["solve"]]
+        body, given = form.parts["solve"], [*own, *operands[count:]]
+    elif isinstance(form, params.Jit | params.Custom):
+        body, given = form.body, operands
+    else:
+        return None
+    return None if body is None or body.consts else (body.jaxpr, given)
 
 
 def _living(jaxpr):

@@ -7,7 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax import lax
+from jax.scipy.linalg import cho_factor, cho_solve
 
+from jaxsim.batch import vmap
 from jaxsim.batch.devices import compiled
 from jaxsim.batch.sections import MAX_EQUATIONS, sectioned
 
@@ -58,8 +60,16 @@ def _integers(x, y):
 
 
 def _products(x, y):
-    square = _long(x) @ _long(y).T
-    return jnp.linalg.solve(square @ square.T + 40 * jnp.eye(3), _long(x))
+    square = jnp.tanh(_long(x)) @ jnp.tanh(_long(y)).T
+    return jnp.linalg.solve(square @ square.T + jnp.eye(3), _long(x))
+
+
+def _factors(x, y):
+    """Loops over columns, chosen by platform, in solves that have derivatives of their own."""
+    rows = jnp.concatenate([_long(x), _long(y)] * 2)
+    matrices = jnp.tanh(rows[:, None, :8] * rows[None, :, :8]) + 12 * jnp.eye(12)[..., None]
+    solve = vmap(lambda a, b: cho_solve(cho_factor(a, lower=True), b), in_axes=-1, out_axes=-1)
+    return solve(matrices, rows[:, :8])
 
 
 def _without_elements(x, y):
@@ -96,6 +106,7 @@ PROGRAMS = [
     _put_together,
     _integers,
     _products,
+    _factors,
     _sums,
     _without_elements,
     _unnecessary,
@@ -202,3 +213,12 @@ def test_float64(arguments):
         for f in (_loops, _put_together):
             close = functools.partial(np.testing.assert_allclose, rtol=1e-12)
             jax.tree.map(close, compiled(f, "cpu")(*doubles), jax.jit(f)(*doubles))
+
+
+def test_library_calls_are_written_out(arguments):
+    """What a CPU runs of a factor and its solves is part of the sections around it."""
+    with jax.numpy_rank_promotion("allow"):
+        text = compiled(_factors, "cpu").lower(*arguments).as_text()
+        whole = text[text.index("func.func public @main") :]
+    main = whole[: whole.index("func.func", 1)]
+    assert "stablehlo.while" not in main and "stablehlo.while" in text
