@@ -17,6 +17,7 @@ from jax import lax
 from jax.extend import core as jex
 
 from jaxsim.batch import contract, index, linalg, trigonometry
+from jaxsim.batch.custom import with_jvp
 from jaxsim.batch.fusion import computed, not_inlined
 from jaxsim.batch.pieces import Pieces
 from jaxsim.batch.transposed import Transposed
@@ -75,6 +76,15 @@ def reduce_sum(lanes, eqn, values, flags):
     whole = jnp.issubdtype(values[0].dtype, jnp.integer)
     total = functools.partial(_combined, lax.add) if whole else _sum
     return reduction(total, lanes, eqn, values, flags)
+
+
+def extremum(operator, lanes, eqn, values, flags):
+    """Only the value is ours: the derivative, which divides among equals, is the primitive's."""
+    combined = functools.partial(_combined, operator)
+    if not jnp.issubdtype(values[0].dtype, jnp.inexact):
+        return reduction(combined, lanes, eqn, values, flags)
+    run = lambda *xs: reduction(combined, lanes, eqn, xs, flags)  # noqa: E731
+    return with_jvp(lanes, eqn, flags, run)(*values)
 
 
 def reduction(combined, lanes, eqn, values, flags):
@@ -248,7 +258,7 @@ stop_gradient sub tan tanh xor zeta
 
 SAME_AXES = """
 argmax argmin concatenate cumlogsumexp cummax cummin cumprod cumsum expand_dims
-reduce_max reduce_min reduce_prod reduce_xor
+reduce_prod reduce_xor
 rev sort split squeeze
 """.split()
 
@@ -263,6 +273,8 @@ RULES: dict[str, Callable] = {
     "reshape": reshape,
     "optimization_barrier": computed_first,
     "reduce_and": functools.partial(reduction, functools.partial(_combined, lax.bitwise_and)),
+    "reduce_max": functools.partial(extremum, lax.max),
+    "reduce_min": functools.partial(extremum, lax.min),
     "reduce_or": functools.partial(reduction, functools.partial(_combined, lax.bitwise_or)),
     "reduce_sum": reduce_sum,
     "select_n": select_n,

@@ -30,13 +30,14 @@ MIN_EQUATIONS, MAX_EQUATIONS = 32, 2500
 # numbers, collectives and whatever else runs as a library call.
 KNOWN = frozenset(
     """
-    abs acos acosh add add_any and asin asinh atan atan2 atanh bitcast_convert_type broadcast_in_dim
-    cbrt ceil clamp concatenate convert_element_type copy copy_p cos cosh cumsum div dynamic_slice
-    dynamic_update_slice eq erf exp exp2 expand_dims expm1 floor gather ge gt integer_pow iota
-    is_finite lane_contract le log log1p logistic lt max min mul name ne neg nextafter not or pad
-    pcast platform_index pow pvary real reduce_and reduce_max reduce_min reduce_or reduce_sum rem
-    reshape reshard rev round rsqrt select_n shift_left shift_right_arithmetic shift_right_logical
-    sign sin sinh slice split sqrt square squeeze stack stop_gradient sub tan tanh transpose xor
+    abs acos acosh add add_any and asin asinh atan atan2 atanh bitcast_convert_type
+    broadcast_in_dim cbrt ceil clamp concatenate convert_element_type copy copy_p cos cosh
+    cumsum div dynamic_slice dynamic_update_slice eq erf exp exp2 expand_dims expm1 floor gather
+    ge gt integer_pow iota is_finite lane_contract le log log1p logistic lt max min mul name ne
+    neg nextafter not or pad pcast platform_index population_count pow pvary real reduce_and
+    reduce_max reduce_min reduce_or reduce_sum rem reshape reshard rev round rsqrt select_n
+    shift_left shift_right_arithmetic shift_right_logical sign sin sinh slice split sqrt square
+    squeeze stack stop_gradient sub tan tanh transpose xor
     closed_call cond custom_jvp_call custom_vjp_call jit pjit scan while
     """.split()
 )

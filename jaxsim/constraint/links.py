@@ -11,6 +11,10 @@ from jaxtyping import Array, Float, Int
 from jaxsim.dynamics.tree import sum_by, take
 from jaxsim.model.topology import Forest
 
+# Up to so many pairs of a row and a link, a product with the matrix that is 1 where they belong
+# together is faster than a scatter, which goes number by number.
+_MAX_CHOICES = 512
+
 
 @jax.tree_util.register_dataclass
 @dataclasses.dataclass(frozen=True)
@@ -53,6 +57,11 @@ def add_at(total: Float[Array, "njnt ..."], links: Links, x, form: Callable = la
       form: linear function from a row, or a sum of rows, to an entry of `total`.
     """
     if links.traced is not None:
+        if links.traced.size * len(total) <= _MAX_CHOICES:
+            here = links.traced[:, None] == jnp.arange(len(total))[None]
+            chosen = here.astype(total.dtype)
+            sums = jax.tree.map(lambda a: jnp.einsum("nl,n...->l...", chosen, a), x)
+            return total + jax.vmap(form)(sums)
         index = jnp.where(links.traced < 0, len(total), links.traced)
         return total.at[index].add(jax.vmap(form)(x), mode="drop")
     index = np.array(links.static, int)

@@ -110,6 +110,23 @@ def test_reductions():
     assert_same(f, _normal(BATCH, 2, 3, 2))
 
 
+def test_extrema():
+    """Equals share the derivative; a NaN wins; integers and truth values have no derivative."""
+
+    def f(x):
+        whole = (10 * x).astype(jnp.int32)
+        return [
+            x.max(), x.min(), x.max(0), x.min((0, 2)), jnp.abs(x).max((0, 2)),
+            whole.max(0), whole.min(), (x > 0).max(), (x > 0).min(1),
+        ]  # fmt: skip
+
+    ties = jnp.asarray(RNG.integers(-1, 2, size=(BATCH, 2, 3, 2)), float)
+    assert_same(f, ties)
+    gradient = vmap(jax.grad(jnp.max))(jnp.asarray([[1.0, 2.0, 2.0]]))
+    np.testing.assert_allclose(gradient, [[0, 0.5, 0.5]])
+    assert_same(f, ties.at[0, 1, 1].set(jnp.nan), derivatives=())
+
+
 @pytest.mark.parametrize(
     ("subscripts", "left", "right"),
     [
