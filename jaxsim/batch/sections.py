@@ -42,7 +42,9 @@ KNOWN = frozenset(
     """.split()
 )
 PLAIN = "bool", "int8", "uint8", "int32", "uint32", "int64", "uint64", "float32", "float64"
-VIEWS = "slice", "squeeze", "reshape", "expand_dims", "concatenate", "stack"  # of other arrays
+VIEWS = "slice", "split", "squeeze", "reshape", "expand_dims"  # of another array
+REPEATING = "broadcast_in_dim", "iota"
+JOINING = "concatenate", "stack"
 # Of integers only: XLA gives sums and maxima of floats to a library.
 COMBINING = "cumsum", "reduce_max", "reduce_min", "reduce_sum"
 
@@ -74,16 +76,14 @@ def _divided(jaxpr, fixed: int):
     still = _still(jaxpr, fixed)
     groups = list(_groups(jaxpr.eqns, still))
     users = _users(jaxpr, [group for group, _ in groups])
-    repeats = {
-        v: eqn for eqn in jaxpr.eqns for v in eqn.outvars if v in still and _is_repetition(eqn)
-    }
+    views = {v: eqn for eqn in jaxpr.eqns for v in eqn.outvars if v in still and _is_view(eqn)}
     eqns = []
     for place, (group, repays) in enumerate(groups):
         if not repays:
             eqns += map(_inner_divided, group)
             continue
         results = [v for eqn in group for v in eqn.outvars if users[v] - {place}]
-        eqns.append(_section([*_needed(group, repeats), *group], results))
+        eqns.append(_section([*_needed(group, views), *group], results))
     return jaxpr.replace(eqns=eqns)
 
 
@@ -131,23 +131,20 @@ def _still(jaxpr, fixed: int) -> set:
     return still
 
 
-def _is_repetition(eqn) -> bool:
-    """Whether the equation repeats numbers, which is cheaper than to read the repeated ones."""
-    sizes = [v.aval.size for v in _variables(eqn.invars)]
-    return eqn.primitive.name in ("broadcast_in_dim", "iota") and all(
-        size < eqn.outvars[0].aval.size for size in sizes
-    )
+def _is_view(eqn) -> bool:
+    """Whether the equation repeats numbers or shows part of them, which costs a reader nothing."""
+    return eqn.primitive.name in (*VIEWS, *REPEATING)
 
 
-def _needed(group: Sequence, repeats: dict) -> list:
-    """The repetitions that the group reads, in order."""
+def _needed(group: Sequence, views: dict) -> list:
+    """The views that the group reads, in order: XLA leaves them in a loop, one kernel for each."""
     found = {}
 
     def visit(eqn):
         for v in _variables(eqn.invars):
-            if v in repeats and v not in found:
-                visit(repeats[v])
-                found[v] = repeats[v]
+            if v in views and id(views[v]) not in found:
+                visit(views[v])
+                found[id(views[v])] = views[v]
 
     for eqn in group:
         visit(eqn)
@@ -256,11 +253,11 @@ def _parts_apart(eqns: Sequence) -> list:
 
     LLVM does not vectorise a loop over lanes that computes one of several parts.
     """
-    made = {v for eqn in eqns if eqn.primitive.name not in VIEWS for v in eqn.outvars}
+    made = {v for eqn in eqns if eqn.primitive.name not in (*VIEWS, *JOINING) for v in eqn.outvars}
     apart = lambda jaxpr: jaxpr.replace(eqns=_parts_apart(jaxpr.eqns))  # noqa: E731
     new = []
     for eqn in eqns:
-        if eqn.primitive.name in ("concatenate", "stack"):
+        if eqn.primitive.name in JOINING:
             first = tuple(isinstance(v, jex.Var) and v in made for v in eqn.invars)
             eqn = eqn.replace(primitive=apart_p, params={"whole": eqn, "first": first})
         new.append(params.with_bodies(eqn, apart))
