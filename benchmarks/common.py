@@ -81,7 +81,9 @@ def setup(devices: int = 1, x64: bool = False) -> None:
     """Configure JAX; to be called before anything else touches it."""
     import jax
 
-    jax.config.update("jax_num_cpu_devices", devices)
+    import jaxsim
+
+    jaxsim.configure_cpu(devices)
     jax.config.update("jax_enable_x64", x64)
     # A compilation that is found on disk would be reported as a fast one.
     jax.config.update("jax_enable_compilation_cache", False)

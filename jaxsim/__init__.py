@@ -9,7 +9,7 @@ Example:
 
 import importlib
 
-from jaxsim.batch import batch_rollout, vmap
+from jaxsim.batch import batch_rollout, configure_cpu, vmap
 from jaxsim.check import check
 from jaxsim.checkpoint import checkpoint
 from jaxsim.dynamics.aba import forward_dynamics
@@ -37,6 +37,7 @@ __all__ = [
     "batch_rollout",
     "check",
     "checkpoint",
+    "configure_cpu",
     "forward",
     "forward_dynamics",
     "inverse",

@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
+import jaxsim
+
 if "JAX_PLATFORMS" not in os.environ:
     jax.config.update("jax_platforms", "cpu")
 # Broadcasting between arrays of different rank is nearly always a mistake in code for one item.
 jax.config.update("jax_numpy_rank_promotion", "raise")
 # Two devices even on one core, so that whatever shards a batch is really tested.
-jax.config.update("jax_num_cpu_devices", 2)
+jaxsim.configure_cpu(2)
 
 # Compilation makes the first example slow, so a deadline says nothing; examples are reproducible.
 settings.register_profile(

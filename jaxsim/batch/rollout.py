@@ -28,9 +28,8 @@ def batch_rollout(
 ) -> State | tuple[State, Any]:
     """Simulate a batch of environments over sequences of controls.
 
-    The batch is split over all devices, and on a CPU into chunks that stay in cache. A CPU
-    should be given one device per core before JAX starts:
-    `jax.config.update("jax_num_cpu_devices", os.cpu_count())`; the command line does so.
+    The batch is split over all devices, and on a CPU into chunks that stay in cache. For a CPU,
+    `jaxsim.configure_cpu()` should be called before JAX is used; the command line does so.
 
     Args:
       model: the model, shared by all environments.

@@ -3,7 +3,6 @@
 import argparse
 import contextlib
 import dataclasses
-import os
 import time
 from collections.abc import Callable
 
@@ -34,7 +33,7 @@ class Result:
 
 def run(arguments: argparse.Namespace) -> int:
     """Load the model, simulate, report; returns the exit status."""
-    one_device_per_core()
+    prepare_cpu()
     model, state = _load(arguments)
     result = simulate(model, state, arguments)
     report(_rows(model, result, arguments))
@@ -43,12 +42,10 @@ def run(arguments: argparse.Namespace) -> int:
     return int(result.diverged > 0)
 
 
-def one_device_per_core() -> None:
-    """Make every CPU core a device; XLA's own threads are slower than separate devices here."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    # A program that called us after its first use of JAX keeps the devices that it has.
+def prepare_cpu() -> None:
+    """`configure_cpu`, unless the program that called us has used JAX before."""
     with contextlib.suppress(RuntimeError):
-        jax.config.update("jax_num_cpu_devices", cores)
+        jaxsim.configure_cpu()
 
 
 def simulate(model: jaxsim.Model, state: jaxsim.State, arguments: argparse.Namespace) -> Result:

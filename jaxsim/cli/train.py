@@ -8,7 +8,7 @@ from jaxsim import rl
 from jaxsim.cli import UsageError
 from jaxsim.cli.episode import save_video
 from jaxsim.cli.report import note, report
-from jaxsim.cli.simulate import one_device_per_core
+from jaxsim.cli.simulate import prepare_cpu
 from jaxsim.rl import checkpoint, distributed
 from jaxsim.rl.driver import run_env
 from jaxsim.rl.metrics import read
@@ -20,7 +20,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.processes > 1:
         distributed.join(arguments.coordinator, arguments.processes, arguments.process)
     else:
-        one_device_per_core()
+        prepare_cpu()
     try:
         return _train(arguments)
     except (rl.ConfigError, checkpoint.CheckpointError) as error:

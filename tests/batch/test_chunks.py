@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import jaxsim
-from jaxsim.batch.chunks import MIN_LANES, VECTOR, chunk_lanes, even_lanes, map_chunks
+from jaxsim.batch import chunks
+from jaxsim.batch.chunks import KEPT, UNROLLED, VECTOR, chunk_lanes, even_lanes, map_chunks
 
 
 @pytest.fixture(scope="module")
@@ -14,14 +15,24 @@ def model():
     return jaxsim.load("pendulum")
 
 
-@pytest.mark.parametrize(("count", "lanes"), [(8, 8), (512, 128), (300, 100), (257, 257)])
-def test_even_lanes(model, count, lanes):
-    assert even_lanes(model, count) == lanes
+@pytest.fixture(params=[UNROLLED, KEPT], ids=["unrolled", "kept"])
+def limits(request, monkeypatch):
+    monkeypatch.setattr(chunks, "lane_limits", lambda: request.param)
+    return request.param
 
 
-def test_large_models_come_in_small_chunks():
+@pytest.mark.parametrize(
+    ("count", "unrolled", "kept"),
+    [(8, 8, 8), (512, 128, 64), (300, 100, 60), (480, 96, 48), (257, 257, 257), (130, 65, 26)],
+)
+def test_even_lanes(model, limits, count, unrolled, kept):
+    """Whole vectors if possible, and all together where the parts would be too short."""
+    assert even_lanes(model, count) == (unrolled if limits is UNROLLED else kept)
+
+
+def test_large_models_come_in_small_chunks(limits):
     few, many = (chunk_lanes(jaxsim.load(_spheres(n))) for n in (2, 60))
-    assert MIN_LANES <= many < few
+    assert limits.min_lanes <= many < few <= limits.max_lanes
     assert few % VECTOR == many % VECTOR == 0
 
 

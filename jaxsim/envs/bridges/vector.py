@@ -20,8 +20,8 @@ from jaxsim.envs.registry import make
 class GymnasiumVectorEnv(VectorEnv):
     """Many environments with Gymnasium's vector interface, simulated in one compiled call.
 
-    The batch is split over all of JAX's devices that divide it. A CPU is one device unless it
-    is told otherwise before JAX starts: `jax.config.update("jax_num_cpu_devices", cores)`.
+    The batch is split over all of JAX's devices that divide it. A CPU is one device unless
+    `jaxsim.configure_cpu()` is called before JAX is used.
 
     Attributes:
       env: the environment of `jaxsim.envs`, time limit included.

@@ -1,0 +1,54 @@
+"""What the owner of a process can do for batches on a CPU, before JAX starts.
+
+These settings hold for the whole process, so that no library may make them unasked.
+"""
+
+import os
+
+import jax
+
+# A loop over a few dozen lanes is otherwise unrolled number by number before it could be made into
+# vectors; no option of a single program prevents that.
+_OPTIONS, _NO_UNROLLING = "--xla_backend_extra_options=", "xla_cpu_disable_loop_unrolling"
+
+
+def configure_cpu(cores: int | None = None) -> None:
+    """Prepare JAX for batches on a CPU; to be called once, before JAX is used.
+
+    Every core becomes a device, as XLA's own threads cost more than they give in programs of many
+    small operations. And XLA is told, by the environment variable `XLA_FLAGS`, not to unroll loops:
+    batches then run in shorter chunks, whose numbers stay closer to the processor, and compilation
+    takes about two thirds of the time. The command line does the same.
+
+    Args:
+      cores: how many cores to use; all that this process may run on by default.
+
+    Raises:
+      ValueError: fewer than one core.
+      RuntimeError: JAX was used before.
+    """
+    cores = _available() if cores is None else cores
+    if cores < 1:
+        raise ValueError(f"cores must be at least 1, got {cores}")
+    jax.config.update("jax_num_cpu_devices", cores)
+    if not keeps_loops():
+        os.environ["XLA_FLAGS"] = _with_option(os.environ.get("XLA_FLAGS", ""))
+
+
+def keeps_loops() -> bool:
+    """Whether XLA is told not to unroll loops."""
+    return _NO_UNROLLING in os.environ.get("XLA_FLAGS", "")
+
+
+def _with_option(flags: str) -> str:
+    """The flags with our option, beside others of its kind if there are any."""
+    if _OPTIONS in flags:
+        return flags.replace(_OPTIONS, f"{_OPTIONS}{_NO_UNROLLING},", 1)
+    return f"{flags} {_OPTIONS}{_NO_UNROLLING}".strip()
+
+
+def _available() -> int:
+    """Cores that this process may run on."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
