@@ -21,6 +21,7 @@ from jaxsim.batch.custom import with_jvp
 from jaxsim.batch.fusion import computed, not_inlined
 from jaxsim.batch.pieces import Pieces
 from jaxsim.batch.transposed import Transposed
+from jaxsim.solver import anywhere
 
 MAX_REDUCED = 8192  # entries of one lane whose reduction is written out
 SUM_PARTS = 8  # parts that are added in one expression
@@ -180,6 +181,11 @@ def computed_first(lanes, eqn, values, flags):
     return [computed(v) for v in _all(lanes, values, flags)]
 
 
+def one_answer(lanes, eqn, values, flags):
+    """All lanes decide together: the only result that has no lanes though an operand does."""
+    return [anywhere(jnp.any(values[0]))]
+
+
 def bitcast(lanes, eqn, values, flags):
     """Elementwise between types of one width; between others a minor axis comes or goes."""
     if eqn.invars[0].aval.ndim != eqn.outvars[0].aval.ndim:
@@ -266,6 +272,7 @@ RULES: dict[str, Callable] = {
     **dict.fromkeys(ELEMENTWISE, elementwise),
     **dict.fromkeys(SAME_AXES, same_axes),
     "add_any": add_any,
+    "anywhere": one_answer,
     "bitcast_convert_type": bitcast,
     "broadcast_in_dim": broadcast_in_dim,
     "clamp": clamp,

@@ -30,7 +30,7 @@ MIN_EQUATIONS, MAX_EQUATIONS = 32, 2500
 # numbers, collectives and whatever else runs as a library call.
 KNOWN = frozenset(
     """
-    abs acos acosh add add_any and asin asinh atan atan2 atanh bitcast_convert_type
+    abs acos acosh add add_any and anywhere asin asinh atan atan2 atanh bitcast_convert_type
     broadcast_in_dim cbrt ceil clamp concatenate convert_element_type copy copy_p cos cosh
     cumsum div dynamic_slice dynamic_update_slice eq erf exp exp2 expand_dims expm1 floor gather
     ge gt integer_pow iota is_finite lane_contract le log log1p logistic lt max min mul name ne

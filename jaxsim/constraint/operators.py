@@ -4,14 +4,17 @@
 with link inertias `I + G^T W G` and joint armatures `d + w`; one walk in, one walk out, O(n).
 `dense`: that mass matrix by composite bodies, `J^T W J` of the rows that couple, and Cholesky.
 `iterative`: conjugate gradients on products that cost O(n), preconditioned by the articulated solve
-that leaves the coupling out. All vectors are in tree order.
+that leaves the coupling out. The last two are articulated as well as long as no row that couples
+pushes, anywhere in a batch. All vectors are in tree order.
 """
 
+import functools
 from collections.abc import Iterable
 
 import jax
 import jax.numpy as jnp
 from flax import struct
+from jax import lax
 from jax.scipy.linalg import cho_factor, cho_solve
 from jaxtyping import Array, Float
 
@@ -32,7 +35,7 @@ from jaxsim.dynamics.tree import accumulate_outward, sum_by
 from jaxsim.dynamics.velocity import to_tree_order
 from jaxsim.model import Model
 from jaxsim.model.topology import Forest
-from jaxsim.solver import pcg_solve
+from jaxsim.solver import anywhere, pcg_solve
 from jaxsim.solver.operator import Rows
 from jaxsim.spatial import Inertia
 
@@ -74,6 +77,7 @@ class TreeOperator:
       jacobians: one per block.
       tree: the links, static.
       strategy: how `solve` does it, one of `STRATEGIES`, static.
+      occasional: whether some rows couple, but only those of contacts, static.
     """
 
     cdof: Float[Array, "nv c"]
@@ -82,6 +86,7 @@ class TreeOperator:
     jacobians: tuple[Jacobian, ...]
     tree: Forest = struct.field(pytree_node=False)
     strategy: str = struct.field(pytree_node=False)
+    occasional: bool = struct.field(pytree_node=False)
 
     def lift(self, x: Float[Array, "nv"]) -> TreePoint:
         """The point with the links' accelerations, momenta and its rows."""
@@ -115,19 +120,32 @@ class TreeOperator:
 
     def solve(self, curvatures: Rows, r: Float[Array, "nv"]) -> TreePoint:
         """The lifted `(M + J^T W J)^-1 r`."""
-        if self.strategy == "dense" and r.size:  # LAPACK has no empty factor
-            return self.lift(cho_solve(cho_factor(self._hessian(curvatures), lower=True), r))
+        if self.strategy == "articulated" or not r.size:  # LAPACK has no empty factor
+            return self._solve_articulated(curvatures, r)
+        solve = self._solve_dense if self.strategy == "dense" else self._solve_iteratively
+        if not self.occasional:
+            return solve(curvatures, r)
+        coupled = [W for J, W in zip(self.jacobians, curvatures, strict=True) if J.coupled]
+        pushes = functools.reduce(jnp.logical_or, [jnp.any(W != 0) for W in coupled])
+        return lax.cond(anywhere(pushes), solve, self._solve_articulated, curvatures, r)
+
+    def _solve_articulated(self, curvatures: Rows, r: Float[Array, "nv"]) -> TreePoint:
+        """Without the rows that couple, if there are any."""
+        pairs = zip(self.jacobians, curvatures, strict=True)
+        matrix, diagonal = self._uncoupled((J, W) for J, W in pairs if not J.coupled)
+        return self.lift_known(*articulated_solve(self.tree, self.cdof, matrix, diagonal, r))
+
+    def _solve_dense(self, curvatures: Rows, r: Float[Array, "nv"]) -> TreePoint:
+        return self.lift(cho_solve(cho_factor(self._hessian(curvatures), lower=True), r))
+
+    def _solve_iteratively(self, curvatures: Rows, r: Float[Array, "nv"]) -> TreePoint:
         matrix, diagonal = self._uncoupled(zip(self.jacobians, curvatures, strict=True))
 
-        def articulated(force):
-            return articulated_solve(self.tree, self.cdof, matrix, diagonal, force)
+        def precondition(force):
+            return articulated_solve(self.tree, self.cdof, matrix, diagonal, force)[0]
 
-        if self.strategy != "iterative":
-            return self.lift_known(*articulated(r))
         tolerance = _CG_ROUNDING * float(jnp.finfo(r.dtype).eps)
-        return pcg_solve(
-            self, curvatures, r, lambda b: articulated(b)[0], tolerance, _CG_ITERATIONS
-        )
+        return pcg_solve(self, curvatures, r, precondition, tolerance, _CG_ITERATIONS)
 
     def _hessian(self, curvatures: Rows) -> Float[Array, "nv nv"]:
         """`M + J^T W J`; the rows that couple are `DenseRows`, see `make_operator`."""
@@ -155,7 +173,25 @@ def make_operator(
     cdof = restrict(components, kin.cdof)
     jacobians = [block.jacobian.restricted(components) for block in blocks]
     if strategy == "dense":
-        jacobians = [DenseRows(J.dense(model.tree, cdof)) if J.coupled else J for J in jacobians]
+        jacobians = [
+            _dense_rows(J, block.kind.D, model.tree, cdof) if J.coupled else J
+            for J, block in zip(jacobians, blocks, strict=True)
+        ]
     inertia = jax.vmap(lambda inertia: restrict_inertia(components, inertia))(kin.inertia)
     armature = to_tree_order(model, dof_armature(model))
-    return TreeOperator(cdof, inertia, armature, tuple(jacobians), model.tree, strategy)
+    coupled = [block.name for block in blocks if block.jacobian.coupled]
+    occasional = bool(coupled) and all(name.startswith("contact") for name in coupled)
+    return TreeOperator(cdof, inertia, armature, tuple(jacobians), model.tree, strategy, occasional)
+
+
+def _dense_rows(J: Jacobian, D: Array, tree: Forest, cdof: Float[Array, "nv c"]) -> DenseRows:
+    """The rows as a matrix; zeros where none of them, which D tells, can push anywhere."""
+    shape = jax.eval_shape(lambda cdof: J.dense(tree, cdof), cdof)
+    return DenseRows(
+        lax.cond(
+            anywhere(jnp.any(D != 0)),
+            lambda cdof: J.dense(tree, cdof),
+            lambda _: jnp.zeros(shape.shape, shape.dtype),
+            cdof,
+        )
+    )

@@ -1,5 +1,6 @@
 """Convex constraint solver: cost kinds, Newton's method, implicit derivatives. No robots here."""
 
+from jaxsim.solver.anywhere import anywhere
 from jaxsim.solver.elliptic_cone import EllipticCone
 from jaxsim.solver.huber import Huber
 from jaxsim.solver.implicit import SOLUTION, attach, attach_lifted
@@ -23,6 +24,7 @@ __all__ = [
     "Solution",
     "SolverStatus",
     "Unilateral",
+    "anywhere",
     "attach",
     "attach_lifted",
     "hessian_product",

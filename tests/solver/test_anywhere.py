@@ -1,0 +1,70 @@
+"""One decision for a batch, under every transformation that meets it."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jax import lax
+
+import jaxsim
+from jaxsim.solver import anywhere
+
+
+def larger(x):
+    """Adds 10 to everything where something in the batch is positive."""
+    return lax.cond(anywhere(x > 0), lambda x: x + 10, lambda x: x, x)
+
+
+@pytest.mark.parametrize("wrap", [lambda f: f, jax.jit])
+@pytest.mark.parametrize("vmap", [jax.vmap, jaxsim.vmap])
+@pytest.mark.parametrize(("x", "added"), [([-1.0, -2, -3], 0), ([-1.0, 2, -3], 10)])
+def test_a_batch_decides_together(vmap, wrap, x, added):
+    x = jnp.array(x)
+    np.testing.assert_array_equal(wrap(vmap(larger))(x), x + added)
+
+
+@pytest.mark.parametrize("outer", [jax.vmap, jaxsim.vmap])
+@pytest.mark.parametrize("inner", [jax.vmap, jaxsim.vmap])
+def test_batches_of_batches(inner, outer):
+    x = -jnp.ones((2, 3))
+    np.testing.assert_array_equal(outer(inner(larger))(x), x)
+    x = x.at[1, 2].set(1.0)
+    np.testing.assert_array_equal(outer(inner(larger))(x), x + 10)
+
+
+def test_alone_it_is_the_identity():
+    assert anywhere(jnp.array(True))
+    assert not jax.jit(anywhere)(jnp.array(False))
+    assert larger(jnp.array(2.0)) == 12
+
+
+@pytest.mark.parametrize("vmap", [jax.vmap, jaxsim.vmap])
+def test_a_batch_without_the_operand_is_not_asked(vmap):
+    """What no element changes stays one value."""
+    out = vmap(lambda x, y: (anywhere(y > 0), x), in_axes=(0, None), out_axes=(None, 0))
+    found, _ = out(jnp.ones(3), jnp.array(1.0))
+    assert found.shape == ()
+    assert found
+
+
+@pytest.mark.parametrize("vmap", [jax.vmap, jaxsim.vmap])
+def test_derivatives_pass_by(vmap):
+    def f(x):
+        return lax.cond(anywhere(x > 1), lambda x: x**3, lambda x: x**2, x)
+
+    x = jnp.array([0.5, 1.5])
+    np.testing.assert_allclose(vmap(jax.grad(f))(x), 3 * x**2, rtol=1e-6)
+    np.testing.assert_allclose(jax.grad(lambda x: vmap(f)(x).sum())(x / 2), x, rtol=1e-6)
+    _, tangent = jax.jvp(vmap(f), (x,), (jnp.ones(2),))
+    np.testing.assert_allclose(tangent, 3 * x**2, rtol=1e-6)
+
+
+def test_in_a_loop():
+    """A batch goes on adding ten while one of its elements is positive."""
+
+    def f(x):
+        return lax.fori_loop(0, 2, lambda _, x: larger(x) - 11, x)
+
+    x = jnp.array([0.5, -3.0])
+    np.testing.assert_array_equal(jaxsim.vmap(f)(x), x - 12)
+    np.testing.assert_array_equal(jax.vmap(f)(x), x - 12)
