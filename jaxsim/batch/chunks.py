@@ -51,10 +51,9 @@ def even_lanes(model: Model, count: int) -> int:
     limit = chunk_lanes(model)
     if jax.default_backend() != "cpu" or count <= limit:
         return count
-    parts = [n for n in range(1, limit + 1) if count % n == 0]
-    lanes = max(parts, key=lambda n: (n % VECTOR == 0, n))
     # Short vectors cost more than a cache that is too small.
-    return lanes if lanes >= lane_limits().min_lanes else count
+    parts = [n for n in range(lane_limits().min_lanes, limit + 1) if count % n == 0]
+    return max(parts, key=lambda n: (n % VECTOR == 0, n), default=count)
 
 
 def map_chunks(f: Callable, lanes: int, *trees: Any) -> Any:
