@@ -85,3 +85,20 @@ def shardings(mesh: Mesh, specs: Any) -> Any:
 def everywhere(tree: Any, mesh: Mesh) -> Any:
     """A tree on all devices, copied once: that takes longer than many a program that reads it."""
     return jax.device_put(tree, shardings(mesh, EVERYWHERE))
+
+
+def split(tree: Any, mesh: Mesh) -> Any:
+    """A tree cut along its first axis, each device's part on that device.
+
+    Arrays on one device of a CPU go there as NumPy's views of the same memory: JAX would run a
+    program for each part of each array, which takes three times as long.
+    """
+    view = lambda x: np.asarray(x) if _is_on_one_cpu(x) else x  # noqa: E731
+    tree = tree if mesh.size == 1 else jax.tree.map(view, tree)
+    return jax.device_put(tree, shardings(mesh, SPLIT))
+
+
+def _is_on_one_cpu(x: Any) -> bool:
+    if not isinstance(x, jax.Array) or isinstance(x, jax.core.Tracer):
+        return False
+    return len(x.devices()) == 1 and next(iter(x.devices())).platform == "cpu"

@@ -11,9 +11,10 @@ from jax.sharding import Mesh
 from jaxtyping import Array, Float
 
 from jaxsim.batch.chunks import VECTOR, chunk_lanes, map_chunks
-from jaxsim.batch.devices import EVERYWHERE, SPLIT, device_mesh, everywhere, parallel, shardings
+from jaxsim.batch.devices import EVERYWHERE, SPLIT, device_mesh, everywhere, parallel, split
 from jaxsim.batch.memo import once_for_each
 from jaxsim.batch.vmap import vmap
+from jaxsim.checkpoint import checkpoint
 from jaxsim.collision.surfaces import Surfaces, known_surfaces
 from jaxsim.dynamics.components import Directions, known_directions, with_directions
 from jaxsim.model import Model, State
@@ -29,7 +30,9 @@ def batch_rollout(
     """Simulate a batch of environments over sequences of controls.
 
     The batch is split over all devices, and on a CPU into chunks that stay in cache. For a CPU,
-    `jaxsim.configure_cpu()` should be called before JAX is used; the command line does so.
+    `jaxsim.configure_cpu()` should be called before JAX is used; the command line does so. Within
+    `jax.jit`, `jax.grad` and the like it is part of their program, which is on one device; of its
+    steps reverse mode stores what `jaxsim.checkpoint` does.
 
     Args:
       model: the model, shared by all environments.
@@ -44,11 +47,15 @@ def batch_rollout(
       ValueError: shapes do not fit together.
     """
     _check(model, states, ctrls)
+    if _within_a_program(model, states, ctrls):
+        advance = checkpoint(functools.partial(step, model))
+        final, seen = _on_one_device(model, advance, observe, states, ctrls, jax.default_backend())
+        return final if observe is None else (final, seen)
     mesh = device_mesh(jax.local_devices())
     batch = ctrls.shape[0]
     padded = -(-batch // mesh.size) * mesh.size
     pad = functools.partial(_pad, rows=padded - batch)
-    states, ctrls = jax.device_put(jax.tree.map(pad, (states, ctrls)), shardings(mesh, SPLIT))
+    states, ctrls = split(jax.tree.map(pad, (states, ctrls)), mesh)
     run = _compiled(observe, mesh, *_known(model))
     final, seen = run(everywhere(model, mesh), states, ctrls)
     final, seen = (
@@ -73,18 +80,29 @@ def _compiled(observe, mesh: Mesh, directions: Directions | None, surfaces: Surf
 
     def shard(model, states, ctrls):
         model = with_directions(model, directions).replace(surfaces=surfaces)
-        one = functools.partial(_rollout, model, observe)
-        limit = chunk_lanes(model)
-        if platform != "cpu" or ctrls.shape[0] <= limit:
-            return vmap(one)(states, ctrls)
-        return _chunked(vmap(one), states, ctrls, limit)
+        advance = functools.partial(step, model)
+        return _on_one_device(model, advance, observe, states, ctrls, platform)
 
     return parallel(shard, mesh, (EVERYWHERE, SPLIT, SPLIT), SPLIT)
 
 
-def _rollout(model: Model, observe, state: State, ctrls: Float[Array, "T nu"]):
+def _within_a_program(*trees) -> bool:
+    # Within `jax.jit` every new array is traced, whether or not what it is given is.
+    leaves = jax.tree.leaves((trees, jnp.zeros(())))
+    return any(isinstance(leaf, jax.core.Tracer) for leaf in leaves)
+
+
+def _on_one_device(model: Model, advance, observe, states, ctrls, platform: str):
+    batched = vmap(functools.partial(_rollout, advance, observe))
+    limit = chunk_lanes(model)
+    if platform != "cpu" or ctrls.shape[0] <= limit:
+        return batched(states, ctrls)
+    return _chunked(batched, states, ctrls, limit)
+
+
+def _rollout(advance, observe, state: State, ctrls: Float[Array, "T nu"]):
     def body(state, ctrl):
-        state = step(model, state, ctrl)
+        state = advance(state, ctrl)
         return state, () if observe is None else observe(state)
 
     return lax.scan(body, state, ctrls)

@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxsim.batch.devices import SPLIT, shardings
+from jaxsim.batch.devices import split
 from jaxsim.envs.base import Env
 from jaxsim.envs.bridges.autoreset import Outcome
 from jaxsim.envs.bridges.batch import Batch
@@ -91,7 +91,7 @@ class TorchVectorEnv(GymnasiumVectorEnv):
 
     def _taken(self, actions: Any) -> jax.Array:
         # An array from elsewhere is bound to its device; the environments may be on several.
-        return jax.device_put(from_torch(actions), shardings(self._mesh, SPLIT))
+        return split(from_torch(actions), self._mesh)
 
     def _started(self, fresh: Batch, mask: np.ndarray):
         self._done = self._done & ~mask

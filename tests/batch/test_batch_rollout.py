@@ -1,0 +1,89 @@
+"""Rollouts of batches alone and within programs: the same values, and derivatives of them."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxsim
+from jaxsim.batch.devices import device_mesh, split
+
+BATCH, STEPS = 70, 3  # fills neither devices nor chunks evenly
+
+
+@pytest.fixture(scope="module")
+def scene():
+    model = jaxsim.load("pendulum")
+    keys = jax.random.split(jax.random.key(0), 2)
+    qpos = jax.random.uniform(keys[0], (BATCH, model.nq), minval=-1, maxval=1)
+    states = jax.vmap(lambda q: jaxsim.make_state(model).replace(qpos=q))(qpos)
+    return model, states, jax.random.normal(keys[1], (BATCH, STEPS, model.nu))
+
+
+def _expected(model, states, ctrls):
+    return jax.vmap(lambda state, ctrl: jaxsim.rollout(model, state, ctrl))(states, ctrls)
+
+
+def test_values(scene):
+    final, qpos = jaxsim.batch_rollout(*scene, observe=lambda state: state.qpos)
+    expected, path = _expected(*scene)
+    np.testing.assert_allclose(final.qvel, expected.qvel, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(qpos, path.qpos, rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize("traced", ["all", "controls", "nothing"])
+def test_within_jit(scene, traced):
+    model, states, ctrls = scene
+    if traced == "all":
+        final = jax.jit(jaxsim.batch_rollout)(model, states, ctrls)
+    elif traced == "controls":
+        final = jax.jit(lambda ctrls: jaxsim.batch_rollout(model, states, ctrls))(ctrls)
+    else:
+        final = jax.jit(lambda: jaxsim.batch_rollout(model, states, ctrls))()
+    np.testing.assert_allclose(final.qvel, _expected(*scene)[0].qvel, rtol=1e-5, atol=1e-6)
+
+
+def test_derivatives(scene):
+    """Reverse mode, also in parameters of the model, and forward mode, as those of `rollout`."""
+    model, states, ctrls = scene
+
+    def ours(model, ctrls):
+        final, seen = jaxsim.batch_rollout(model, states, ctrls, observe=lambda state: state.qpos)
+        return jnp.sum(final.qvel**2) + jnp.sum(seen)
+
+    def theirs(model, ctrls):
+        final, path = _expected(model, states, ctrls)
+        return jnp.sum(final.qvel**2) + jnp.sum(path.qpos)
+
+    of_mass = lambda f: lambda mass, ctrls: f(model.replace(body_mass=mass), ctrls)  # noqa: E731
+    at = model.body_mass, ctrls
+    found, expected = (jax.grad(of_mass(f), argnums=(0, 1))(*at) for f in (ours, theirs))
+    for x, y in zip(found, expected, strict=True):
+        np.testing.assert_allclose(x, y, rtol=1e-4, atol=1e-5)
+    tangent = jnp.zeros_like(model.body_mass), jnp.ones_like(ctrls)
+    found, expected = (jax.jvp(of_mass(f), at, tangent)[1] for f in (ours, theirs))
+    np.testing.assert_allclose(found, expected, rtol=1e-4)
+
+
+def test_batches_of_batches(scene):
+    model, states, ctrls = scene
+    twice = jax.tree.map(lambda x: jnp.stack([x, x[::-1]]), (states, ctrls))
+    final = jax.vmap(lambda s, c: jaxsim.batch_rollout(model, s, c))(*twice)
+    expected = _expected(*scene)[0].qvel
+    np.testing.assert_allclose(final.qvel[0], expected, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(final.qvel[1], expected[::-1], rtol=1e-5, atol=1e-6)
+
+
+def test_split():
+    """Every device has its rows, from arrays of JAX and of NumPy."""
+    mesh = device_mesh(jax.local_devices())
+    rows = np.arange(6.0 * mesh.size).reshape(-1, 3)
+    given = {"numpy": rows, "jax": jnp.asarray(rows), "empty": jnp.zeros((len(rows), 0))}
+    cut = jax.block_until_ready(split(given, mesh))
+    for name in "numpy", "jax":
+        np.testing.assert_array_equal(cut[name], rows)
+    assert cut["empty"].shape == (len(rows), 0)
+    for x in jax.tree.leaves(cut):
+        assert [shard.data.shape[0] for shard in x.addressable_shards] == [2] * mesh.size
+    again = split(cut, mesh)
+    np.testing.assert_array_equal(again["jax"], rows)
