@@ -76,7 +76,7 @@ def _work(options) -> None:
         return lambda: jax.block_until_ready(jaxsim.batch_rollout(model, state, ctrls))
 
     # A batch at a time many times over: at first both devices' threads may share a core.
-    times = common.interleave({str(b): rollout(b) for b in options.batch}, 5, at_least=0.3)
+    times = common.interleave({str(b): rollout(b) for b in options.batch}, 5, at_least=1)
     result = {b: t.per(int(b) * options.steps).median for b, t in times.items()}
     options.worker.write_text(json.dumps(result))
 

@@ -30,7 +30,7 @@ def once_for_each(f: Callable) -> Callable:
             return results[key]
         result = f(tree, *rest)
         # While a function is traced, what is computed of constants may be traced, too.
-        if _is_constant(tree) and not _is_traced((tree, result)):
+        if _is_constant(tree) and not is_traced((tree, result)):
             results[key] = result
             weakref.finalize(tree, results.pop, key, None).atexit = False
         return result
@@ -42,5 +42,6 @@ def _is_constant(tree: Any) -> bool:
     return all(isinstance(leaf, _CONSTANT) for leaf in jax.tree.leaves(tree))
 
 
-def _is_traced(tree: Any) -> bool:
+def is_traced(tree: Any) -> bool:
+    """Whether any leaf belongs to a function that JAX is transforming."""
     return any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(tree))

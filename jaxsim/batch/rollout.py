@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 
 from jaxsim.batch.chunks import VECTOR, chunk_lanes, map_chunks
 from jaxsim.batch.devices import EVERYWHERE, SPLIT, device_mesh, everywhere, parallel, split
-from jaxsim.batch.memo import once_for_each
+from jaxsim.batch.memo import is_traced, once_for_each
 from jaxsim.batch.vmap import vmap
 from jaxsim.checkpoint import checkpoint
 from jaxsim.collision.surfaces import Surfaces, known_surfaces
@@ -47,15 +47,16 @@ def batch_rollout(
       ValueError: shapes do not fit together.
     """
     _check(model, states, ctrls)
-    if _within_a_program(model, states, ctrls):
-        advance = checkpoint(functools.partial(step, model))
-        final, seen = _on_one_device(model, advance, observe, states, ctrls, jax.default_backend())
-        return final if observe is None else (final, seen)
+    alone = functools.partial(_part_of_a_program, model, states, ctrls, observe)
+    if is_traced((model, states, ctrls)):
+        return alone()
     mesh = device_mesh(jax.local_devices())
     batch = ctrls.shape[0]
     padded = -(-batch // mesh.size) * mesh.size
     pad = functools.partial(_pad, rows=padded - batch)
     states, ctrls = split(jax.tree.map(pad, (states, ctrls)), mesh)
+    if is_traced(ctrls):  # within `jax.jit` everything is
+        return alone()
     run = _compiled(observe, mesh, *_known(model))
     final, seen = run(everywhere(model, mesh), states, ctrls)
     final, seen = (
@@ -86,10 +87,10 @@ def _compiled(observe, mesh: Mesh, directions: Directions | None, surfaces: Surf
     return parallel(shard, mesh, (EVERYWHERE, SPLIT, SPLIT), SPLIT)
 
 
-def _within_a_program(*trees) -> bool:
-    # Within `jax.jit` every new array is traced, whether or not what it is given is.
-    leaves = jax.tree.leaves((trees, jnp.zeros(())))
-    return any(isinstance(leaf, jax.core.Tracer) for leaf in leaves)
+def _part_of_a_program(model: Model, states: State, ctrls, observe) -> State | tuple[State, Any]:
+    advance = checkpoint(functools.partial(step, model))
+    final, seen = _on_one_device(model, advance, observe, states, ctrls, jax.default_backend())
+    return final if observe is None else (final, seen)
 
 
 def _on_one_device(model: Model, advance, observe, states, ctrls, platform: str):
