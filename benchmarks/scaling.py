@@ -38,7 +38,7 @@ def _options(arguments) -> argparse.Namespace:
     parser.add_argument("--model", default="humanoid", choices=models.MODELS)
     sizes = [512, 1024, 4096, 16384, 65536]
     parser.add_argument("--batch", nargs="+", type=int, default=sizes, help="environments")
-    parser.add_argument("--steps", type=int, default=20, help="steps of a rollout")
+    parser.add_argument("--steps", type=int, default=50, help="steps of a rollout")
     cores = os.cpu_count() or 1
     counts = sorted({1, cores} | {2**i for i in range(cores.bit_length()) if 2**i <= cores})
     parser.add_argument("--devices", nargs="+", type=int, default=counts, help="numbers of devices")

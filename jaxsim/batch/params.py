@@ -62,9 +62,16 @@ class Jit:
 
 @dataclass(frozen=True)
 class Remat:
-    """`jax.checkpoint`, before or after its differentiation."""
+    """`jax.checkpoint`, before or after its differentiation.
+
+    Attributes:
+      body: the program.
+      apart: operands that the backward pass must not take from the forward pass, so that it
+        computes anew instead of keeping; none before differentiation.
+    """
 
     body: Program
+    apart: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -118,6 +125,13 @@ def _cond(p):
     return Cond(tuple(program(b) for b in p["branches"]))
 
 
+def _remat(p):
+    body, apart = program(p["jaxpr"]), p["prevent_cse"]
+    if isinstance(apart, bool):
+        apart = (apart,) * len(body.jaxpr.invars)
+    return Remat(body, tuple(i for i, flag in enumerate(apart) if flag and p["differentiated"]))
+
+
 def _linear_solve(p):
     kinds, counts = p["jaxprs"], p["const_lengths"]
     parts = {k: v if v is None else program(v) for k, v in kinds._asdict().items()}
@@ -132,8 +146,8 @@ _READERS: dict[str, Callable[[dict], Any]] = {
     "jit": lambda p: Jit(program(p["jaxpr"]), p["name"]),
     "pjit": lambda p: Jit(program(p["jaxpr"]), p["name"]),
     "closed_call": lambda p: Jit(program(p["call_jaxpr"]), "closed_call"),
-    "remat2": lambda p: Remat(program(p["jaxpr"])),
-    "checkpoint": lambda p: Remat(program(p["jaxpr"])),
+    "remat2": _remat,
+    "checkpoint": _remat,
     "custom_linear_solve": _linear_solve,
     "custom_jvp_call": lambda p: Custom(program(p["call_jaxpr"]), "jvp"),
     "custom_vjp_call": lambda p: Custom(program(p["call_jaxpr"]), "vjp"),

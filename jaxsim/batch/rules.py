@@ -265,7 +265,7 @@ stop_gradient sub tan tanh xor zeta
 SAME_AXES = """
 argmax argmin concatenate cumlogsumexp cummax cummin cumprod cumsum expand_dims
 reduce_prod reduce_xor
-rev sort split squeeze
+rev sort split squeeze unstack
 """.split()
 
 RULES: dict[str, Callable] = {

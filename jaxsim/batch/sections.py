@@ -37,12 +37,12 @@ KNOWN = frozenset(
     neg nextafter not or pad pcast platform_index population_count pow pvary real reduce_and
     reduce_max reduce_min reduce_or reduce_sum rem reshape reshard rev round rsqrt select_n
     shift_left shift_right_arithmetic shift_right_logical sign sin sinh slice split sqrt square
-    squeeze stack stop_gradient sub tan tanh transpose xor
+    squeeze stack stop_gradient sub tan tanh transpose unstack xor
     closed_call cond custom_jvp_call custom_vjp_call jit pjit scan while
     """.split()
 )
 PLAIN = "bool", "int8", "uint8", "int32", "uint32", "int64", "uint64", "float32", "float64"
-VIEWS = "slice", "split", "squeeze", "reshape", "expand_dims"  # of another array
+VIEWS = "slice", "split", "squeeze", "unstack", "reshape", "expand_dims"  # of another array
 REPEATING = "broadcast_in_dim", "iota"
 JOINING = "concatenate", "stack"
 # Of integers only: XLA gives sums and maxima of floats to a library.
@@ -72,7 +72,7 @@ def sectioned(f: Callable, platform: str) -> Callable:
 
 def _divided(jaxpr, fixed: int):
     """The program in sections; its first `fixed` operands and its constants are a loop's own."""
-    jaxpr = _living(_written_out(jaxpr))
+    jaxpr = _living(_written_out(jaxpr, fixed))
     still = _still(jaxpr, fixed)
     groups = list(_groups(jaxpr.eqns, still))
     users = _users(jaxpr, [group for group, _ in groups])
@@ -126,9 +126,12 @@ def _still(jaxpr, fixed: int) -> set:
     """Variables that do not depend on operands other than the first `fixed`."""
     still = {*jaxpr.constvars, *jaxpr.invars[:fixed]}
     for eqn in jaxpr.eqns:
-        if not eqn.effects and still.issuperset(_variables(eqn.invars)):
-            still.update(eqn.outvars)
+        still.update(_still_results(eqn, still))
     return still
+
+
+def _still_results(eqn, still: set) -> Sequence:
+    return eqn.outvars if not eqn.effects and still.issuperset(_variables(eqn.invars)) else ()
 
 
 def _is_view(eqn) -> bool:
@@ -175,17 +178,24 @@ def _inner_divided(eqn):
     """The equation itself; of a long loop or branching, with its bodies in sections."""
     if eqn.effects or params.length([eqn]) < MIN_EQUATIONS:
         return eqn
+    return params.with_bodies(eqn, functools.partial(_divided, fixed=_fixed(eqn)))
+
+
+def _fixed(eqn) -> int:
+    """How many operands of its body a loop does not change."""
     match params.read(eqn):
         case params.Scan(num_consts=fixed) | params.While(num_body_consts=fixed):
-            return params.with_bodies(eqn, functools.partial(_divided, fixed=fixed))
-        case params.Cond():
-            return params.with_bodies(eqn, functools.partial(_divided, fixed=0))
-    return eqn
+            return fixed
+    return 0
 
 
-def _written_out(jaxpr):
+def _written_out(jaxpr, fixed: int):
     """The program with the equations of its calls in their place, for a CPU, loops included."""
-    eqns = []
+    eqns, still = [], {*jaxpr.constvars, *jaxpr.invars[:fixed]}
+
+    def emit(eqn):
+        still.update(_still_results(eqn, still))
+        eqns.append(eqn)
 
     def inline(inner, known):
         def new(atom):
@@ -193,11 +203,13 @@ def _written_out(jaxpr):
 
         for eqn in inner.eqns:
             operands = [new(v) for v in eqn.invars]
+            barriers, operands = _apart(eqn, operands, still)
+            eqns.extend(barriers)
             call = _inlined_call(eqn, operands)
             if call is None:
                 made = [v if isinstance(v, jex.DropVar) else jex.Var(v.aval) for v in eqn.outvars]
-                eqn = params.with_bodies(eqn, _written_out)
-                eqns.append(eqn.replace(invars=operands, outvars=made))
+                eqn = params.with_bodies(eqn, functools.partial(_written_out, fixed=_fixed(eqn)))
+                emit(eqn.replace(invars=operands, outvars=made))
             else:
                 body, given = call
                 made = inline(body, dict(zip(body.invars, given, strict=True)))
@@ -219,11 +231,28 @@ def _inlined_call(eqn, operands: Sequence):
         count, first = sum(form.counts.values()), form.counts["matvec"] + form.counts["vecmat"]
         own = operands[first : first + form.counts["solve"]]
         body, given = form.parts["solve"], [*own, *operands[count:]]
-    elif isinstance(form, params.Jit | params.Custom):
+    elif isinstance(form, params.Jit | params.Custom | params.Remat):
         body, given = form.body, operands
     else:
         return None
     return None if body is None or body.consts else (body.jaxpr, given)
+
+
+def _apart(eqn, operands: Sequence, still: set) -> tuple[list, Sequence]:
+    """Operands, hidden where a backward pass must not take them from the forward pass, and how.
+
+    Those that a loop does not change are left: what is computed of them is taken out of it.
+    """
+    form = params.read(eqn)
+    apart = form.apart if isinstance(form, params.Remat) else ()
+    hidden = dict.fromkeys(v for v in _variables([operands[i] for i in apart]) if v not in still)
+    if not hidden:
+        return [], operands
+    traced = jax.make_jaxpr(lax.optimization_barrier)([v.aval for v in hidden])
+    made = {v: jex.Var(v.aval) for v in hidden}
+    (barrier,) = traced.eqns
+    barrier = barrier.replace(invars=[*made], outvars=[*made.values()])
+    return [barrier], [v if isinstance(v, jex.Literal) else made.get(v, v) for v in operands]
 
 
 def _living(jaxpr):

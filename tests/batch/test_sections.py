@@ -9,7 +9,7 @@ import pytest
 from jax import lax
 from jax.scipy.linalg import cho_factor, cho_solve
 
-from jaxsim.batch import vmap
+from jaxsim.batch import params, vmap
 from jaxsim.batch.devices import compiled
 from jaxsim.batch.sections import MAX_EQUATIONS, sectioned
 
@@ -99,6 +99,14 @@ def _constants(x, y):
     return _long(found * TABLE[7]) + _long(jnp.arange(3.0)[:, None] + y)
 
 
+def _checkpointed(x, y):
+    """Reverse mode that repeats the forward pass, in a loop and twice without one."""
+    step = jax.checkpoint(lambda x, y: jnp.tanh(_long(x) + jnp.exp(y)))
+    looped = lambda x, y: lax.scan(lambda x, _: (step(x, y), None), x, length=3)[0]  # noqa: E731
+    loss = lambda x, y: jnp.sum(step(step(looped(x, y), y), x))  # noqa: E731
+    return *jax.grad(loss, argnums=(0, 1))(x, y), step(x, y)
+
+
 PROGRAMS = [
     _branches,
     _loops,
@@ -112,6 +120,7 @@ PROGRAMS = [
     _unnecessary,
     _operands_as_results,
     _constants,
+    _checkpointed,
 ]
 
 
@@ -177,6 +186,39 @@ def test_what_a_loop_does_not_change_is_in_no_section(arguments):
         if eqn.primitive.name == "section":
             inside = [e.primitive.name for e in eqn.params["program"].jaxpr.eqns]
             assert "exp" not in inside
+
+
+def test_a_backward_pass_repeats_the_forward_pass(arguments):
+    """XLA must not see that both are the same, except for what a loop does not change."""
+
+    def loss(x, y):
+        step = jax.checkpoint(lambda x: jnp.sin(_long(x)) * jnp.exp(y))
+        return jnp.sum(lax.scan(lambda x, _: (step(x), None), step(x), length=3)[0])
+
+    forward = jax.make_jaxpr(sectioned(loss, "cpu"))(*arguments)
+    assert "optimization_barrier" not in _names(forward)
+    traced = jax.make_jaxpr(sectioned(jax.grad(loss), "cpu"))(*arguments)
+    assert {"remat2", "checkpoint"}.isdisjoint(_names(traced))
+    assert _names(traced).count("optimization_barrier") == 2
+    back = [eqn for eqn in traced.eqns if eqn.primitive.name == "scan"][-1]
+    *_, barrier = (
+        eqn
+        for eqn in back.params["jaxpr"].jaxpr.eqns
+        if eqn.primitive.name == "optimization_barrier"
+    )
+    read = [v.aval.shape for v in barrier.invars]
+    assert read == [(3, LANES), (3, LANES)]  # x and its cotangent, but not y
+
+
+def _names(traced) -> list[str]:
+    """All primitives outside sections."""
+    found, jaxprs = [], [traced.jaxpr]
+    while jaxprs:
+        for eqn in jaxprs.pop().eqns:
+            found.append(eqn.primitive.name)
+            if eqn.primitive.name != "section":
+                jaxprs.extend(params.bodies(eqn))
+    return found
 
 
 def test_dead_equations_are_dropped(arguments):
