@@ -1,9 +1,10 @@
 """Reverse mode through many steps: its cost in forward passes, its memory, its accuracy.
 
 The gradient of a function of the last state with respect to constant controls, for a batch on one
-thread, with `jaxsim.checkpoint` around the step as `jaxsim.rollout` has it. "forwards" is the time
-of the gradient, its own forward pass included, in passes without a gradient. Memory is what the
-compiled gradient needs beside its arguments, for each environment and step. The error is relative
+thread, with `jaxsim.checkpoint` around the step as `jaxsim.rollout` has it. Both passes go through
+the batch in chunks of "lanes" environments, as training does. "forwards" is the time of the
+gradient, its own forward pass included, in passes without a gradient. Memory is what the compiled
+gradient needs beside its arguments, for each environment of a chunk and step. The error is relative
 to the same gradient in float64, over the batch: median, and share of environments below 1 per
 cent; contact makes long rollouts sensitive, and the rest are those where rounding decides a
 touchdown. Central differences in float64 along a random direction check a gradient whose solver
@@ -40,23 +41,27 @@ def _options(arguments) -> argparse.Namespace:
 def _row(name: str, options) -> dict:
     """Times, memory and errors of one model."""
     import jaxsim
+    from jaxsim.batch.chunks import even_lanes, map_chunks
 
     mj = models.load(name)
     states = models.visited(mj, options.states)
     model = jaxsim.load(mj)
     batch = states.batch(model, options.batch)
     loss, gradient = _programs(model, options.steps)
-    forward, _, forward_compile = common.compile_for(jaxsim.vmap(loss), *batch)
-    reverse, program, reverse_compile = common.compile_for(jaxsim.vmap(gradient), *batch)
+    lanes = even_lanes(model, options.batch)
+    chunked = lambda f: functools.partial(map_chunks, jaxsim.vmap(f), lanes)  # noqa: E731
+    forward, _, forward_compile = common.compile_for(chunked(loss), *batch)
+    reverse, program, reverse_compile = common.compile_for(chunked(gradient), *batch)
     candidates = {"forward": forward, "reverse": reverse}
     times = common.interleave(candidates, options.repetitions, clock=options.clock)
     per_step = options.batch * options.steps
     return {
         "model": name,
+        "lanes": lanes,
         "forward us": 1e6 * times["forward"].per(per_step).median,
         "gradient us": 1e6 * times["reverse"].per(per_step).median,
         "forwards": times["reverse"].median / times["forward"].median,
-        "bytes": program.memory_analysis().temp_size_in_bytes / per_step,
+        "bytes": program.memory_analysis().temp_size_in_bytes / (lanes * options.steps),
         "compile s": reverse_compile,
         "forward compile s": forward_compile,
     } | _accuracy(mj, states, options, np.asarray(reverse()))
