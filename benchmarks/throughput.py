@@ -265,12 +265,19 @@ def _bars(axes, rows, what: str, by: str, rate: str) -> None:
         line = [r for r in rows if r[by] == engine]
         at = [names.index(r[what]) + width * (i - (len(engines) - 1) / 2) for r in line]
         bars = axes.bar(at, [r[rate] for r in line], width, label=engine)
-        axes.bar_label(bars, fmt=lambda x: f"{x:,.0f}", fontsize=6)
+        axes.bar_label(bars, fmt=_short, fontsize=6)
     low, high = (f(r[rate] for r in rows) for f in (min, max))
     axes.set_xticks(range(len(names)), names, fontsize=8)
     axes.set(yscale="log", ylabel=f"{rate.removesuffix('/s')} per second")
     axes.set_ylim(10 ** math.floor(math.log10(low) - 0.3), 2 * high)
     axes.legend(fontsize=7, loc="upper left", bbox_to_anchor=(1, 1))
+
+
+def _short(rate: float) -> str:
+    """Three digits: 653k, 1.08M."""
+    rate = float(f"{rate:.3g}")
+    scale, unit = (1e6, "M") if rate >= 1e6 else (1e3, "k") if rate >= 1e3 else (1, "")
+    return f"{rate / scale:g}{unit}"
 
 
 if __name__ == "__main__":
