@@ -4,14 +4,16 @@ At states that a rollout of MuJoCo visits, and from the same warm starts. What i
 assembled from known kinematics and contacts, then the problem is solved to the model's tolerance
 in at most `--iterations` steps. For MuJoCo C that is mj_makeConstraint, mj_referenceConstraint and
 mj_fwdConstraint, called from Python on one thread; the cost of the calls is measured on an empty
-model and subtracted. jaxsim runs `--batch` environments, batch last, on one thread; a batch takes
-as many Newton steps as its slowest environment. MJX, if asked for, runs its mjx.forward minus the
+model and subtracted. jaxsim runs `--batch` environments on one thread, in the chunks of a rollout;
+each takes as many Newton steps as its slowest environment, and its time contains the layout of the
+operands, which in a step come as they are needed. MJX, if asked for, runs its mjx.forward minus the
 same with constraints disabled.
 
 A second table follows chains of links that lie on a plane: one Newton step each.
 """
 
 import argparse
+import functools
 
 import common
 import models
@@ -141,6 +143,7 @@ def _program(model, states, batch: int):
     import jax
 
     import jaxsim
+    from jaxsim.batch.chunks import even_lanes, map_chunks
     from jaxsim.constraint import Scene, constrained_acceleration
     from jaxsim.pipeline import constraint_scene, smooth_dynamics
 
@@ -159,7 +162,8 @@ def _program(model, states, batch: int):
 
     state, ctrl = states.batch(model, batch)
     given = jax.jit(jaxsim.vmap(before))(state, ctrl)
-    run, _, seconds = common.compile_for(jaxsim.vmap(constrained), state, *given)
+    chunked = functools.partial(map_chunks, jaxsim.vmap(constrained), even_lanes(model, batch))
+    run, _, seconds = common.compile_for(chunked, state, *given)
     return run, seconds
 
 
