@@ -7,7 +7,7 @@ import jax
 import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
-from jaxsim.batch.memo import once_for_each
+from jaxsim.batch.memo import is_traced, once_for_each
 from jaxsim.batch.sections import sectioned
 
 AXIS = "batch"
@@ -99,6 +99,6 @@ def split(tree: Any, mesh: Mesh) -> Any:
 
 
 def _is_on_one_cpu(x: Any) -> bool:
-    if not isinstance(x, jax.Array) or isinstance(x, jax.core.Tracer):
+    if not isinstance(x, jax.Array) or is_traced(x):
         return False
     return len(x.devices()) == 1 and next(iter(x.devices())).platform == "cpu"

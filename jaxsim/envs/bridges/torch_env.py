@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxsim.batch.devices import split
+from jaxsim.batch.devices import SPLIT, shardings
 from jaxsim.envs.base import Env
 from jaxsim.envs.bridges.autoreset import Outcome
 from jaxsim.envs.bridges.batch import Batch
@@ -90,8 +90,9 @@ class TorchVectorEnv(GymnasiumVectorEnv):
         super().__init__(env, num_envs, **options)
 
     def _taken(self, actions: Any) -> jax.Array:
-        # An array from elsewhere is bound to its device; the environments may be on several.
-        return split(from_torch(actions), self._mesh)
+        # An array from elsewhere is bound to its device; the environments may be on several. Their
+        # parts are no views: the caller may fill the tensor anew while the step still runs.
+        return jax.device_put(from_torch(actions), shardings(self._mesh, SPLIT))
 
     def _started(self, fresh: Batch, mask: np.ndarray):
         self._done = self._done & ~mask
