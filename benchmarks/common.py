@@ -7,6 +7,7 @@ repetition, so that a disturbance meets all of them, and medians are reported wi
 import argparse
 import dataclasses
 import datetime
+import functools
 import importlib.metadata
 import json
 import os
@@ -87,6 +88,14 @@ def setup(devices: int = 1, x64: bool = False) -> None:
     jax.config.update("jax_enable_x64", x64)
     # A compilation that is found on disk would be reported as a fast one.
     jax.config.update("jax_enable_compilation_cache", False)
+
+
+def in_chunks(f: Callable, lanes: int) -> Callable:
+    """A function of one environment, for a batch in chunks of so many, as rollouts have them."""
+    import jaxsim
+    from jaxsim.batch.chunks import map_chunks
+
+    return functools.partial(map_chunks, jaxsim.vmap(f), lanes)
 
 
 def compile_for(f: Callable, *args):

@@ -133,24 +133,10 @@ def _program(algorithm: str, model, inputs: np.ndarray, n: int):
     }[algorithm]
     if args is None:
         args = (jax.jit(jaxsim.vmap(lambda q: kinematics(model, q)))(qpos), tau)
-    run, _, seconds = common.compile_for(_in_chunks(jaxsim.vmap(f), n, batch), *args)
-    return run, batch, seconds
-
-
-def _in_chunks(f, n: int, batch: int):
-    """The batch as chunks that stay in cache, where it has more lanes than that."""
-    import jax
-
     lanes = max(MIN_LANES, CHUNK_LINKS // n)
-    if batch <= lanes or batch % lanes:
-        return f
-
-    def chunked(*args):
-        split = jax.tree.map(lambda x: x.reshape(batch // lanes, lanes, *x.shape[1:]), args)
-        out = jax.lax.map(lambda x: f(*x), split)
-        return jax.tree.map(lambda x: x.reshape(batch, *x.shape[2:]), out)
-
-    return chunked
+    lanes = batch if batch % lanes else lanes
+    run, _, seconds = common.compile_for(common.in_chunks(f, lanes), *args)
+    return run, batch, seconds
 
 
 def _used(kin):

@@ -41,17 +41,16 @@ def _options(arguments) -> argparse.Namespace:
 def _row(name: str, options) -> dict:
     """Times, memory and errors of one model."""
     import jaxsim
-    from jaxsim.batch.chunks import even_lanes, map_chunks
+    from jaxsim.batch.chunks import even_lanes
 
     mj = models.load(name)
     states = models.visited(mj, options.states)
     model = jaxsim.load(mj)
     batch = states.batch(model, options.batch)
-    loss, gradient = _programs(model, options.steps)
     lanes = even_lanes(model, options.batch)
-    chunked = lambda f: functools.partial(map_chunks, jaxsim.vmap(f), lanes)  # noqa: E731
-    forward, _, forward_compile = common.compile_for(chunked(loss), *batch)
-    reverse, program, reverse_compile = common.compile_for(chunked(gradient), *batch)
+    loss, gradient = (common.in_chunks(f, lanes) for f in _programs(model, options.steps))
+    forward, _, forward_compile = common.compile_for(loss, *batch)
+    reverse, program, reverse_compile = common.compile_for(gradient, *batch)
     candidates = {"forward": forward, "reverse": reverse}
     times = common.interleave(candidates, options.repetitions, clock=options.clock)
     per_step = options.batch * options.steps

@@ -2,14 +2,13 @@
 
 Programs of growing length are compiled for one batch, each giving out the sum of all that the next
 stage needs, and timed in turn on one thread, which goes through the batch in chunks, as rollouts
-do; a stage costs the difference between two of them. The
-compiler fuses across stages, so that small differences are noise, and the sums cost time, too: as
-the whole step does without them, the last stage may come out below zero. A primer on simulation
-puts collision at 30-50, the solver at 20-40 and dynamics at 10-20 per cent, without a source.
+do; a stage costs the difference between two of them. The compiler fuses across stages, so that
+small differences are noise, and the sums cost time, too: as the whole step does without them, the
+last stage may come out below zero. A primer on simulation puts collision at 30-50, the solver at
+20-40 and dynamics at 10-20 per cent, without a source.
 """
 
 import argparse
-import functools
 
 import common
 import models
@@ -43,15 +42,14 @@ def _options(arguments) -> argparse.Namespace:
 def _shares(name: str, options) -> dict:
     """Microseconds of the whole step for one environment, and the share of each stage."""
     import jaxsim
-    from jaxsim.batch.chunks import even_lanes, map_chunks
+    from jaxsim.batch.chunks import even_lanes
 
     mj = models.load(name)
     model, states = jaxsim.load(mj), models.visited(mj, options.states)
     batch = states.batch(model, options.batch)
     lanes, programs = even_lanes(model, options.batch), {}
     for stage, f in zip(STAGES, _programs(model), strict=True):
-        chunked = functools.partial(map_chunks, jaxsim.vmap(f), lanes)
-        programs[stage] = common.compile_for(chunked, *batch)[0]
+        programs[stage] = common.compile_for(common.in_chunks(f, lanes), *batch)[0]
     times = common.interleave(programs, options.repetitions, clock=options.clock)
     until = [times[stage].median for stage in STAGES]
     alone = [b - a for a, b in zip([0.0, *until], until, strict=False)]

@@ -13,7 +13,6 @@ A second table follows chains of links that lie on a plane: one Newton step each
 """
 
 import argparse
-import functools
 
 import common
 import models
@@ -143,7 +142,7 @@ def _program(model, states, batch: int):
     import jax
 
     import jaxsim
-    from jaxsim.batch.chunks import even_lanes, map_chunks
+    from jaxsim.batch.chunks import even_lanes
     from jaxsim.constraint import Scene, constrained_acceleration
     from jaxsim.pipeline import constraint_scene, smooth_dynamics
 
@@ -162,7 +161,7 @@ def _program(model, states, batch: int):
 
     state, ctrl = states.batch(model, batch)
     given = jax.jit(jaxsim.vmap(before))(state, ctrl)
-    chunked = functools.partial(map_chunks, jaxsim.vmap(constrained), even_lanes(model, batch))
+    chunked = common.in_chunks(constrained, even_lanes(model, batch))
     run, _, seconds = common.compile_for(chunked, state, *given)
     return run, seconds
 
