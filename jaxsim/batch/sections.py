@@ -21,6 +21,7 @@ from jax.interpreters import mlir
 
 from jaxsim.batch import contract, params
 from jaxsim.batch.fusion import computed, not_inlined
+from jaxsim.batch.inline import fixed_operands, living, unchanging, variables, written_out
 
 # Equations of a section, those of its loops counted once: below the first the start is no matter,
 # and above the second LLVM takes longer for one function than for two.
@@ -72,8 +73,8 @@ def sectioned(f: Callable, platform: str) -> Callable:
 
 def _divided(jaxpr, fixed: int):
     """The program in sections; its first `fixed` operands and its constants are a loop's own."""
-    jaxpr = _living(_written_out(jaxpr, fixed))
-    still = _still(jaxpr, fixed)
+    jaxpr = living(written_out(jaxpr, fixed))
+    still = unchanging(jaxpr, fixed)
     groups = list(_groups(jaxpr.eqns, still))
     users = _users(jaxpr, [group for group, _ in groups])
     views = {v: eqn for eqn in jaxpr.eqns for v in eqn.outvars if v in still and _is_view(eqn)}
@@ -97,7 +98,7 @@ def _groups(eqns: Sequence, still: set) -> Iterator[tuple[list, bool]]:
         length = params.length([eqn])
         joins = length <= MAX_EQUATIONS and not still.issuperset(eqn.outvars) and _fits(eqn)
         full = joins and size + length > MAX_EQUATIONS
-        if section and (full or (not joins and not made.isdisjoint(_variables(eqn.invars)))):
+        if section and (full or (not joins and not made.isdisjoint(variables(eqn.invars)))):
             yield section, size >= MIN_EQUATIONS
             section, made, size = [], set(), 0
         if joins:
@@ -115,23 +116,11 @@ def _users(jaxpr, groups: Sequence[Sequence]) -> dict:
     users = collections.defaultdict(set)
     for place, group in enumerate(groups):
         for eqn in group:
-            for v in _variables(eqn.invars):
+            for v in variables(eqn.invars):
                 users[v].add(place)
-    for v in _variables(jaxpr.outvars):
+    for v in variables(jaxpr.outvars):
         users[v].add(None)
     return users
-
-
-def _still(jaxpr, fixed: int) -> set:
-    """Variables that do not depend on operands other than the first `fixed`."""
-    still = {*jaxpr.constvars, *jaxpr.invars[:fixed]}
-    for eqn in jaxpr.eqns:
-        still.update(_still_results(eqn, still))
-    return still
-
-
-def _still_results(eqn, still: set) -> Sequence:
-    return eqn.outvars if not eqn.effects and still.issuperset(_variables(eqn.invars)) else ()
 
 
 def _is_view(eqn) -> bool:
@@ -144,7 +133,7 @@ def _needed(group: Sequence, views: dict) -> list:
     found = {}
 
     def visit(eqn):
-        for v in _variables(eqn.invars):
+        for v in variables(eqn.invars):
             if v in views and id(views[v]) not in found:
                 visit(views[v])
                 found[id(views[v])] = views[v]
@@ -178,101 +167,13 @@ def _inner_divided(eqn):
     """The equation itself; of a long loop or branching, with its bodies in sections."""
     if eqn.effects or params.length([eqn]) < MIN_EQUATIONS:
         return eqn
-    return params.with_bodies(eqn, functools.partial(_divided, fixed=_fixed(eqn)))
-
-
-def _fixed(eqn) -> int:
-    """How many operands of its body a loop does not change."""
-    match params.read(eqn):
-        case params.Scan(num_consts=fixed) | params.While(num_body_consts=fixed):
-            return fixed
-    return 0
-
-
-def _written_out(jaxpr, fixed: int):
-    """The program with the equations of its calls in their place, for a CPU, loops included."""
-    eqns, still = [], {*jaxpr.constvars, *jaxpr.invars[:fixed]}
-
-    def emit(eqn):
-        still.update(_still_results(eqn, still))
-        eqns.append(eqn)
-
-    def inline(inner, known):
-        def new(atom):
-            return atom if isinstance(atom, jex.Literal) else known.get(atom, atom)
-
-        for eqn in inner.eqns:
-            operands = [new(v) for v in eqn.invars]
-            barriers, operands = _apart(eqn, operands, still)
-            eqns.extend(barriers)
-            call = _inlined_call(eqn, operands)
-            if call is None:
-                made = [v if isinstance(v, jex.DropVar) else jex.Var(v.aval) for v in eqn.outvars]
-                eqn = params.with_bodies(eqn, functools.partial(_written_out, fixed=_fixed(eqn)))
-                emit(eqn.replace(invars=operands, outvars=made))
-            else:
-                body, given = call
-                made = inline(body, dict(zip(body.invars, given, strict=True)))
-            known.update(zip(eqn.outvars, made, strict=True))
-        return [new(v) for v in inner.outvars]
-
-    return jaxpr.replace(outvars=inline(jaxpr, {}), eqns=eqns)
-
-
-def _inlined_call(eqn, operands: Sequence):
-    """The program of a call that need not stay one, and its operands; else None."""
-    if eqn.effects or eqn.ctx.xla_metadata:
-        return None
-    branch = params.platform_branch(eqn, "cpu")
-    form = params.read(eqn) if branch is None else None
-    if branch is not None:
-        body, given = params.program(eqn.params["branches"][branch]), operands[1:]
-    elif isinstance(form, params.LinearSolve):  # derivatives have been taken
-        count, first = sum(form.counts.values()), form.counts["matvec"] + form.counts["vecmat"]
-        own = operands[first : first + form.counts["solve"]]
-        body, given = form.parts["solve"], [*own, *operands[count:]]
-    elif isinstance(form, params.Jit | params.Custom | params.Remat):
-        body, given = form.body, operands
-    else:
-        return None
-    return None if body is None or body.consts else (body.jaxpr, given)
-
-
-def _apart(eqn, operands: Sequence, still: set) -> tuple[list, Sequence]:
-    """Operands, hidden where a backward pass must not take them from the forward pass, and how.
-
-    Those that a loop does not change are left: what is computed of them is taken out of it.
-    """
-    form = params.read(eqn)
-    apart = form.apart if isinstance(form, params.Remat) else ()
-    hidden = dict.fromkeys(v for v in _variables([operands[i] for i in apart]) if v not in still)
-    if not hidden:
-        return [], operands
-    traced = jax.make_jaxpr(lax.optimization_barrier)([v.aval for v in hidden])
-    made = {v: jex.Var(v.aval) for v in hidden}
-    (barrier,) = traced.eqns
-    barrier = barrier.replace(invars=[*made], outvars=[*made.values()])
-    return [barrier], [v if isinstance(v, jex.Literal) else made.get(v, v) for v in operands]
-
-
-def _living(jaxpr):
-    """The program without the equations that nobody needs, which a section would keep."""
-    needed, eqns = set(_variables(jaxpr.outvars)), []
-    for eqn in reversed(jaxpr.eqns):
-        if eqn.effects or not needed.isdisjoint(eqn.outvars):
-            eqns.append(eqn)
-            needed.update(_variables(eqn.invars))
-    return jaxpr.replace(eqns=eqns[::-1])
-
-
-def _variables(atoms: Sequence) -> list:
-    return [v for v in atoms if isinstance(v, jex.Var)]
+    return params.with_bodies(eqn, functools.partial(_divided, fixed=fixed_operands(eqn)))
 
 
 def _section(eqns: Sequence, results: Sequence):
     """One equation for several."""
     made = {v for eqn in eqns for v in eqn.outvars}
-    read = dict.fromkeys(v for eqn in eqns for v in _variables(eqn.invars) if v not in made)
+    read = dict.fromkeys(v for eqn in eqns for v in variables(eqn.invars) if v not in made)
     program = params.closed([*read], results, _parts_apart(eqns))
     return jex.new_jaxpr_eqn([*read], results, section_p, {"program": program}, set())
 
