@@ -269,13 +269,17 @@ def _draw(figure, rows, chains) -> None:
         left.bar(at, list(found.values()), 0.8 / len(solvers), label=solver)
     left.set_xticks(range(len(names)), names, rotation=60, fontsize=7)
     left.set(yscale="log", ylabel="us per environment", title="constraint problem, one thread")
+    if timed:  # room for the legend above the highest bar
+        left.set_ylim(top=30 * max(r["us"] for r in timed))
     for solver in dict.fromkeys(r["solver"] for r in chains):
         line = [r for r in chains if r["solver"] == solver and "us" in r]
         right.loglog([r["links"] for r in line], [r["us"] for r in line], "o-", label=solver)
     right.set(xlabel="links that lie on a plane", title="one Newton step")
     for axes in (left, right):
         if axes.has_data():
-            axes.legend(fontsize=7)
+            axes.legend(fontsize=7, loc="upper left", ncols=2)
+        else:
+            axes.remove()
 
 
 if __name__ == "__main__":
