@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from oracle import quick_jit
 
 import jaxsim
 
@@ -43,7 +44,7 @@ def load(hessian, cone="elliptic", condim=3):
 def forward_alone(hessian):
     """Accelerations and constraint forces of every state, one after the other."""
     model = load(hessian)
-    alone = jax.jit(lambda s: jaxsim.forward(model, s, jnp.zeros(0)))
+    alone = quick_jit(lambda s: jaxsim.forward(model, s, jnp.zeros(0)))
     states = batch(model, HEIGHTS)
     return [alone(jax.tree.map(lambda x, i=i: x[i], states)) for i in range(len(HEIGHTS))]
 
@@ -56,7 +57,7 @@ def qvel_after(model, qvel, state):
 def jacobians_alone():
     """`d qvel_after / d qvel` of every state, one after the other."""
     model = load("dense")
-    alone = jax.jit(jax.jacfwd(functools.partial(qvel_after, model)))
+    alone = quick_jit(jax.jacfwd(functools.partial(qvel_after, model)))
     states = batch(model, HEIGHTS)
     each = [jax.tree.map(lambda x, i=i: x[i], states) for i in range(len(HEIGHTS))]
     return [alone(s.qvel, s) for s in each]
@@ -71,7 +72,7 @@ def test_each_as_alone(vmap, hessian, chosen):
     model = load(hessian)
     states = batch(model, HEIGHTS[chosen])
     ctrl = jnp.zeros(0)
-    together = jax.jit(vmap(lambda s: jaxsim.forward(model, s, ctrl)))(states)
+    together = quick_jit(vmap(lambda s: jaxsim.forward(model, s, ctrl)))(states)
     pushed = jnp.abs(together.contact.force[..., 0]).max(-1) > 0
     assert (pushed | ~PUSHES[chosen]).all()
     for i, place in enumerate(chosen):
@@ -87,7 +88,7 @@ def test_each_as_alone(vmap, hessian, chosen):
 def test_strategies_agree(cone, condim):
     models = [load(hessian, cone, condim) for hessian in ("dense", "iterative")]
     dense, iterative = (
-        jax.jit(jaxsim.vmap(lambda s, m=m: jaxsim.forward(m, s, None).qacc))(batch(m, HEIGHTS))
+        quick_jit(jaxsim.vmap(lambda s, m=m: jaxsim.forward(m, s, None).qacc))(batch(m, HEIGHTS))
         for m in models
     )
     np.testing.assert_allclose(dense, iterative, rtol=1e-7, atol=1e-7)
@@ -98,7 +99,7 @@ def test_strategies_agree(cone, condim):
 @pytest.mark.parametrize("derivative", [jax.jacfwd, jax.jacrev])
 def test_derivatives_as_alone(vmap, derivative):
     model = load("dense")
-    together = jax.jit(vmap(derivative(functools.partial(qvel_after, model))))
+    together = quick_jit(vmap(derivative(functools.partial(qvel_after, model))))
     for chosen in ([0, 1], [0, 2]):
         states = batch(model, HEIGHTS[chosen])
         found = together(states.qvel, states)

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 import pytest
+from oracle import quick_jit
 
 import jaxsim
 from jaxsim.dynamics.components import ALL, known_directions, motion_components, with_directions
@@ -164,8 +165,8 @@ def test_planar_steps_are_those_of_the_whole_recursions(name, rng, x64):
     model = planar(**PROBLEMS[name])
     assert motion_components(model) == (1, 3, 5)
     batch, ctrl = states(model, rng), jnp.ones((8, 1))
-    known = jax.jit(jax.vmap(lambda s, u: jaxsim.forward(model, s, u)))(batch, ctrl)
-    whole = jax.jit(jax.vmap(jaxsim.forward, in_axes=(None, 0, 0)))(model, batch, ctrl)
+    known = quick_jit(jax.vmap(lambda s, u: jaxsim.forward(model, s, u)))(batch, ctrl)
+    whole = quick_jit(jax.vmap(jaxsim.forward, in_axes=(None, 0, 0)))(model, batch, ctrl)
     assert int(known.contact.active.sum()) > 0
     close = functools.partial(np.testing.assert_allclose, rtol=1e-9, atol=1e-8)
     close(known.qacc, whole.qacc)
@@ -173,8 +174,8 @@ def test_planar_steps_are_those_of_the_whole_recursions(name, rng, x64):
     close(known.qfrc_constraint, whole.qfrc_constraint)
     close(known.contact.force, whole.contact.force)
     if name == "pyramidal3":  # Implicit damping, too.
-        after = jax.jit(jax.vmap(lambda s, u: jaxsim.step(model, s, u)))(batch, ctrl)
-        reference = jax.jit(jax.vmap(jaxsim.step, in_axes=(None, 0, 0)))(model, batch, ctrl)
+        after = quick_jit(jax.vmap(lambda s, u: jaxsim.step(model, s, u)))(batch, ctrl)
+        reference = quick_jit(jax.vmap(jaxsim.step, in_axes=(None, 0, 0)))(model, batch, ctrl)
         close(after.qvel, reference.qvel)
 
 
@@ -185,8 +186,8 @@ def test_planar_derivatives_are_those_of_the_whole_recursions(rng, x64):
     def after(model, qpos):
         return jaxsim.step(model, state.replace(qpos=qpos), jnp.ones(1)).qvel
 
-    whole = jax.jit(jax.jacfwd(after, argnums=1))(model, state.qpos)
-    known = jax.jit(jax.jacrev(lambda qpos: after(model, qpos)))(state.qpos)
+    whole = quick_jit(jax.jacfwd(after, argnums=1))(model, state.qpos)
+    known = quick_jit(jax.jacrev(lambda qpos: after(model, qpos)))(state.qpos)
     np.testing.assert_allclose(known, whole, rtol=1e-9, atol=1e-9)
 
 
@@ -196,7 +197,7 @@ def test_derivatives_by_axes_that_leave_the_plane(rng, x64):
     state = jax.tree.map(lambda x: x[1], states(model, rng))
     direction = jnp.asarray(rng.standard_normal((model.njnt, 3)))
 
-    @jax.jit
+    @quick_jit
     def speed(t):
         axis = model.jnt_axis + t * direction
         return jaxsim.step(model.replace(jnt_axis=axis), state, jnp.ones(1)).qvel
@@ -214,8 +215,7 @@ def test_rollouts_of_models_with_other_axes(rng):
     axes[-1] = [0.6, 0.8, 0.0]
     for one in (model, model.replace(jnt_axis=jnp.asarray(axes))):
         after = jaxsim.batch_rollout(one, batch, ctrls)
-        whole = jax.jit(jax.vmap(lambda m, s, u: jaxsim.rollout(m, s, u)[0], in_axes=(None, 0, 0)))(
-            one, batch, ctrls
-        )
+        rollouts = jax.vmap(lambda m, s, u: jaxsim.rollout(m, s, u)[0], in_axes=(None, 0, 0))
+        whole = quick_jit(rollouts)(one, batch, ctrls)
         # Float32, with impacts.
         np.testing.assert_allclose(after.qpos, whole.qpos, rtol=1e-4, atol=1e-5)
