@@ -44,7 +44,7 @@ def dot_general(lanes, eqn, values, flags):
     """The equation as a labelled product, in which the lanes are one more label."""
     p = eqn.params
     dtypes = [v.aval.dtype for v in (*eqn.invars, *eqn.outvars)]
-    if p.get("out_sharding") is not None or not all(_is_wide(d) for d in dtypes):
+    if params.is_divided(p.get("out_sharding")) or not all(_is_wide(d) for d in dtypes):
         return None
     left, right, out = _labels(p["dimension_numbers"], [v.aval.ndim for v in eqn.invars])
     lane = len(left) + len(right)

@@ -177,7 +177,12 @@ def cond(lanes, eqn, values, flags):
     def branch(program):
         return lambda *xs: lanes.evaluate_as(program, xs, on, out)
 
-    return lax.switch(index, [branch(b) for b in form.branches], *operands)
+    cases = [branch(b) for b in form.branches]
+    if form.platforms is None:
+        return lax.switch(index, cases, *operands)
+    named = zip(form.platforms, cases, strict=True)
+    every = {name: case for names, case in named for name in names or ("default",)}
+    return lax.platform_dependent(*operands, **every)
 
 
 def remat(lanes, eqn, values, flags):

@@ -47,9 +47,14 @@ class While:
 
 @dataclass(frozen=True)
 class Cond:
-    """`lax.cond` and `lax.switch`: operands are the branch index, then the branches' own."""
+    """`lax.cond` and `lax.switch`: operands are the branch index, then the branches' own.
+
+    With platforms, the names for each branch or None for the default, it is
+    `lax.platform_dependent`, and the index that of the platform.
+    """
 
     branches: tuple[Program, ...]
+    platforms: tuple[tuple[str, ...] | None, ...] | None
 
 
 @dataclass(frozen=True)
@@ -120,9 +125,7 @@ def _while(p):
 
 
 def _cond(p):
-    if p.get("branches_platforms") is not None:  # the index is the platform, not a value
-        return None
-    return Cond(tuple(program(b) for b in p["branches"]))
+    return Cond(tuple(program(b) for b in p["branches"]), p.get("branches_platforms"))
 
 
 def _remat(p):
@@ -181,6 +184,14 @@ def platform_branch(eqn, platform: str):
     platforms = eqn.params.get("branches_platforms") if eqn.primitive.name == "cond" else None
     fitting = (i for i, names in enumerate(platforms or ()) if names is None or platform in names)
     return next(fitting, None)
+
+
+def is_divided(sharding) -> bool:
+    """Whether a sharding, None included, divides any axis.
+
+    Within `jax.shard_map` JAX attaches some that do not.
+    """
+    return any(axis is not None for axis in getattr(sharding, "spec", ()))
 
 
 def rebind(eqn) -> Callable:

@@ -16,7 +16,7 @@ import numpy as np
 from jax import lax
 from jax.extend import core as jex
 
-from jaxsim.batch import contract, index, linalg, trigonometry
+from jaxsim.batch import contract, index, linalg, params, trigonometry
 from jaxsim.batch.custom import with_jvp
 from jaxsim.batch.fusion import computed, not_inlined
 from jaxsim.batch.pieces import Pieces
@@ -183,7 +183,7 @@ def computed_first(lanes, eqn, values, flags):
 
 def one_answer(lanes, eqn, values, flags):
     """All lanes decide together: the only result that has no lanes though an operand does."""
-    return [anywhere(jnp.any(values[0]))]
+    return [anywhere(jnp.any(values[0], -1))]
 
 
 def bitcast(lanes, eqn, values, flags):
@@ -197,7 +197,7 @@ def broadcast_in_dim(lanes, eqn, values, flags):
     """Appends the lane axis to the result and maps the operand's onto it."""
     p = eqn.params
     shape, axes = tuple(p["shape"]), tuple(p["broadcast_dimensions"])
-    if p.get("sharding") is not None or len(values) > 1:
+    if params.is_divided(p.get("sharding")) or len(values) > 1:
         return None
     return [lax.broadcast_in_dim(values[0], (*shape, lanes.size), (*axes, len(shape)))]
 
@@ -205,7 +205,7 @@ def broadcast_in_dim(lanes, eqn, values, flags):
 def reshape(lanes, eqn, values, flags):
     """The lane axis is not touched."""
     p = eqn.params
-    if p.get("sharding") is not None or p.get("dimensions") is not None or len(values) > 1:
+    if params.is_divided(p.get("sharding")) or p.get("dimensions") is not None or len(values) > 1:
         return None
     return [lax.reshape(values[0], (*p["new_sizes"], lanes.size))]
 

@@ -14,13 +14,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from flax import struct
+from jax import lax
 from jaxtyping import Array, Float
 
 from jaxsim.constraint.links import Links, add_at, gather, moves
 from jaxsim.dynamics.components import Components, restrict
 from jaxsim.dynamics.tree import sum_by, take
 from jaxsim.model.topology import Forest
-from jaxsim.solver import weighed
+from jaxsim.solver import anywhere, weighed
 
 
 class Jacobian(Protocol):
@@ -109,10 +110,6 @@ class DenseRows:
         """The diagonal of `J^T W J`."""
         return diagonal + jnp.sum(self._flat(weighed(W, self.J) * self.J), axis=0), matrix
 
-    def curvature(self, W) -> Float[Array, "nv nv"]:
-        """`J^T W J`, all of it."""
-        return self._flat(self.J).T @ self._flat(weighed(W, self.J))
-
     def dense(self, tree, cdof):
         """J itself."""
         return self.J
@@ -171,6 +168,31 @@ class LinkRows:
     def _sum(self, f):
         parts = [f(G, link) for G, link in self.sides]
         return sum(parts[1:], parts[0])
+
+
+def add_products(
+    H: Float[Array, "nv nv"], J: Float[Array, "n *d nv"], W: Array
+) -> Float[Array, "nv nv"]:
+    """`H + J^T W J`. A CPU goes through those items of J alone that push anywhere in a batch."""
+    pushing = anywhere(jnp.any(W.reshape(len(J), -1) != 0, axis=1))
+    return lax.platform_dependent(H, J, W, pushing, cpu=_add_pushing, default=_add_all)
+
+
+def _add_all(H, J, W, _):
+    rows = J.reshape(-1, J.shape[-1])
+    return H + rows.T @ weighed(W, J).reshape(rows.shape)
+
+
+def _add_pushing(H, J, W, pushing):
+    rank = jnp.cumsum(pushing)
+
+    def add(i, H):
+        k = jnp.sum(rank <= i)
+        rows, weights = (lax.dynamic_index_in_dim(x, k, keepdims=False) for x in (J, W))
+        rows, WJ = jnp.atleast_2d(rows, weighed(weights, rows))
+        return H + rows.T @ WJ
+
+    return lax.fori_loop(0, jnp.sum(pushing), add, H)
 
 
 def link_rows(link1: np.ndarray, G1: Array, link2: np.ndarray, G2: Array) -> LinkRows:

@@ -19,7 +19,7 @@ from jax.scipy.linalg import cho_factor, cho_solve
 from jaxtyping import Array, Float
 
 from jaxsim.constraint.block import Block
-from jaxsim.constraint.jacobian import DenseRows, Jacobian
+from jaxsim.constraint.jacobian import DenseRows, Jacobian, add_products
 from jaxsim.dynamics.aba import articulated_solve
 from jaxsim.dynamics.components import (
     RestrictedInertia,
@@ -154,7 +154,9 @@ class TreeOperator:
         others = [(J, W) for J, W in pairs if not isinstance(J, DenseRows)]
         matrix, diagonal = self._uncoupled(others)
         H = composite_matrix(self.tree, self.cdof, RestrictedInertia(matrix), diagonal)
-        return sum((J.curvature(W) for J, W in coupled), H)
+        for J, W in coupled:
+            H = add_products(H, J.J, W)
+        return H
 
     def _uncoupled(self, pairs: Iterable[tuple[Jacobian, Array]]):
         """Link matrices and the diagonal of M with `J^T W J` of these rows, without coupling."""

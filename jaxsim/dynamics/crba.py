@@ -52,10 +52,8 @@ def composite_matrix(
     _, momentum = inward(tree, _composite, zero, inertia, cdof)
     products = momentum @ cdof.T
     # [j, i] where dof i moves the link of dof j; within one joint each dof moves the others.
-    related = tree.moves[tree.dof_node]
-    lower = jnp.where(related, products, 0)
-    same = np.asarray(tree.dof_node[:, None] == tree.dof_node[None, :])
-    full = lower + jnp.where(same, 0, lower.T)
+    related = np.asarray(tree.moves[tree.dof_node])
+    full = jnp.where(related, products, jnp.where(related.T, products.T, 0))
     return full + jnp.diag(diagonal)
 
 

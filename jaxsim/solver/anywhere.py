@@ -12,8 +12,8 @@ from jaxtyping import Array, Bool
 anywhere_p = jex.Primitive("anywhere")
 
 
-def anywhere(x: Bool[Array, ""]) -> Bool[Array, ""]:
-    """Whether x is true; in a batch, whether it is for any of its elements.
+def anywhere(x: Bool[Array, "*n"]) -> Bool[Array, "*n"]:
+    """Whether each x is true; in a batch, whether it is for any of its elements.
 
     To be used only where the answer changes how something is computed, not what.
     """

@@ -10,10 +10,12 @@ differentiates, and is exact as far as the loop converged: look at `SolverStatus
 """
 
 import jax
+from jax import lax
 from jax.ad_checkpoint import checkpoint_name
 from jaxtyping import Array, Float
 
-from jaxsim.solver.operator import Lifted, Operator
+from jaxsim.solver.operator import Lifted, Operator, Rows
+from jaxsim.solver.pcg import hessian_product
 from jaxsim.solver.problem import Problem
 
 # The name of minimisers, for policies of `jax.checkpoint` that say what to keep.
@@ -64,10 +66,20 @@ def _attached_jvp(primals, tangents):
     y = _attached(found, theta)
     x = operator.vector(y)
     _, dr = jax.jvp(lambda t: _residual(x, t), (theta,), (tangents[1],))
-    dx = operator.vector(operator.solve(problem.curvatures(operator.rows(y)), dr))
+    dx = _solve(operator, problem.curvatures(operator.rows(y)), dr)
     # Lifting depends on theta too.
     _, dy = jax.jvp(lambda op, x: op.lift(x), (operator, x), (tangents[1][1], dx))
     return y, dy
+
+
+def _solve(operator: Operator, curvatures: Rows, r: Float[Array, "nv"]) -> Float[Array, "nv"]:
+    """`H^-1 r`. Its derivatives are solves and products, whatever the operator does for a solve."""
+    return lax.custom_linear_solve(
+        lambda x: hessian_product(operator, curvatures, x),
+        r,
+        lambda _, r: operator.vector(operator.solve(curvatures, r)),
+        symmetric=True,
+    )
 
 
 def _residual(x, theta):

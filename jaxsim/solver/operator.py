@@ -48,7 +48,7 @@ class Operator(Protocol):
         """The lifted solution of `(M + J^T W J) s = r`.
 
         W is diagonal in blocks whose curvature has the shape of `aref`, block diagonal in those
-        of shape (n, d, d). The result must be linear in r and differentiable, both ways.
+        of shape (n, d, d). The result must be linear in r; nobody differentiates it.
         """
         ...
 

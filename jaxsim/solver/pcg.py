@@ -2,8 +2,6 @@
 
 For large scenes the Hessian `M + J^T W J` is only multiplied by, and a cheaper matrix close to it
 is solved instead (Saad 2003, "Iterative Methods for Sparse Linear Systems", algorithm 9.1).
-The solve is wrapped in `lax.custom_linear_solve`: its derivatives are further solves, not a
-differentiated loop.
 """
 
 from collections.abc import Callable
@@ -46,18 +44,14 @@ def pcg(
     Returns:
         The solution, linear in b up to the tolerance.
     """
+    z = precondition(b)
+    start = _State(jnp.zeros_like(b), b, z, b @ z, jnp.zeros((), int))
+    floor = (jnp.asarray(tolerance, b.dtype) ** 2) * start.energy
 
-    def solve(_: LinearMap, b: Array) -> Array:
-        z = precondition(b)
-        start = _State(jnp.zeros_like(b), b, z, b @ z, jnp.zeros((), int))
-        floor = (jnp.asarray(tolerance, b.dtype) ** 2) * start.energy
+    def unfinished(state: _State) -> Array:
+        return (state.count < iterations) & (state.energy > floor)
 
-        def unfinished(state: _State) -> Array:
-            return (state.count < iterations) & (state.energy > floor)
-
-        return lax.while_loop(unfinished, lambda s: _advance(product, precondition, s), start).x
-
-    return lax.custom_linear_solve(product, b, solve, symmetric=True)
+    return lax.while_loop(unfinished, lambda s: _advance(product, precondition, s), start).x
 
 
 def _advance(product: LinearMap, precondition: LinearMap, state: _State) -> _State:
