@@ -26,6 +26,8 @@ from jaxsim.batch.inline import fixed_operands, living, unchanging, variables, w
 # Equations of a section, those of its loops counted once: below the first the start is no matter,
 # and above the second LLVM takes longer for one function than for two.
 MIN_EQUATIONS, MAX_EQUATIONS = 32, 2500
+# A loop is better not divided: what it carries is then copied at every turn, part by part.
+MAX_LOOP = 5000
 
 # What XLA compiles inside such a function. Not there: scatters, sorts, matrix products, random
 # numbers, collectives and whatever else runs as a library call.
@@ -96,7 +98,8 @@ def _groups(eqns: Sequence, still: set) -> Iterator[tuple[list, bool]]:
     section, made, size = [], set(), 0
     for eqn in eqns:
         length = params.length([eqn])
-        joins = length <= MAX_EQUATIONS and not still.issuperset(eqn.outvars) and _fits(eqn)
+        limit = MAX_LOOP if eqn.primitive.name == "while" else MAX_EQUATIONS
+        joins = length <= limit and not still.issuperset(eqn.outvars) and _fits(eqn)
         full = joins and size + length > MAX_EQUATIONS
         if section and (full or (not joins and not made.isdisjoint(variables(eqn.invars)))):
             yield section, size >= MIN_EQUATIONS
