@@ -266,6 +266,32 @@ def test_inside_shard_map(check):
         np.testing.assert_allclose(a, b, rtol=1e-10)
 
 
+def test_lanes_stay_last_inside_shard_map():
+    """Shardings that JAX attaches there, and that divide nothing, are no reason to fall back."""
+    mesh = jax.make_mesh((2,), ("d",), axis_types=(jax.sharding.AxisType.Auto,))
+    spec = jax.sharding.PartitionSpec("d")
+
+    def f(x):
+        return jnp.where(x[:, None] > 0, x[None], 0.0).reshape(-1)
+
+    part = jax.shard_map(vmap(f), mesh=mesh, in_specs=spec, out_specs=spec, check_vma=False)
+    # The lanes change places with the other axis at the start, and back at the end.
+    assert str(jax.make_jaxpr(part)(X[:4])).count("transpose[") == 2
+    np.testing.assert_array_equal(jax.jit(part)(X[:4]), jax.vmap(f)(X[:4]))
+
+
+def test_branches_of_platforms():
+    """Each is for lanes that are last, and is taken where it belongs."""
+
+    def f(x):
+        return lax.platform_dependent(x, cpu=lambda x: x @ x, default=lambda x: x[0])
+
+    assert_same(f, X)
+    assert "lane_contract" in _program(f, X)
+    text = jax.jit(vmap(f)).trace(X).lower(lowering_platforms=("cuda",)).as_text()
+    assert "multiply" not in text
+
+
 @pytest.mark.parametrize("name", ["scan", "while", "cond", "jit", "remat2", "custom_jvp_call"])
 def test_unknown_parameters_fall_back(name, monkeypatch):
     """With one warning, and the same results."""

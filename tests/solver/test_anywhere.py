@@ -32,6 +32,13 @@ def test_batches_of_batches(inner, outer):
     np.testing.assert_array_equal(outer(inner(larger))(x), x + 10)
 
 
+@pytest.mark.parametrize("vmap", [jax.vmap, jaxsim.vmap])
+def test_several_questions_at_once(vmap):
+    x = jnp.array([[-1.0, 2, -3], [-4, 5, -6]])
+    found = vmap(lambda x: anywhere(x > 0), out_axes=None)(x)
+    np.testing.assert_array_equal(found, [False, True, False])
+
+
 def test_alone_it_is_the_identity():
     assert anywhere(jnp.array(True))
     assert not jax.jit(anywhere)(jnp.array(False))
