@@ -171,23 +171,33 @@ class LinkRows:
 
 
 def add_products(
-    H: Float[Array, "nv nv"], J: Float[Array, "n *d nv"], W: Array
+    H: Float[Array, "nv nv"], J: Float[Array, "n *d nv"], W: Array, *, rarely: bool
 ) -> Float[Array, "nv nv"]:
-    """`H + J^T W J`. A CPU goes through those items of J alone that push anywhere in a batch."""
-    pushing = anywhere(jnp.any(W.reshape(len(J), -1) != 0, axis=1))
-    return lax.platform_dependent(H, J, W, pushing, cpu=_add_pushing, default=_add_all)
+    """`H + J^T W J`.
+
+    Args:
+      H: what to add to.
+      J: rows, one item for each contact or row.
+      W: diagonal or in blocks, see `jaxsim.solver.weighed`.
+      rarely: whether few of the items push. A CPU then goes through those alone that do anywhere in
+        a batch.
+    """
+    if not rarely:
+        return _add_all(H, J, W)
+    return lax.platform_dependent(H, J, W, cpu=_add_pushing, default=_add_all)
 
 
-def _add_all(H, J, W, _):
+def _add_all(H, J, W):
     rows = J.reshape(-1, J.shape[-1])
     return H + rows.T @ weighed(W, J).reshape(rows.shape)
 
 
-def _add_pushing(H, J, W, pushing):
+def _add_pushing(H, J, W):
+    pushing = anywhere(jnp.any(W != 0, axis=tuple(range(1, W.ndim))))
     rank = jnp.cumsum(pushing)
 
     def add(i, H):
-        k = jnp.sum(rank <= i)
+        k = jnp.sum(rank <= i)  # the i-th that pushes
         rows, weights = (lax.dynamic_index_in_dim(x, k, keepdims=False) for x in (J, W))
         rows, WJ = jnp.atleast_2d(rows, weighed(weights, rows))
         return H + rows.T @ WJ

@@ -155,7 +155,7 @@ class TreeOperator:
         matrix, diagonal = self._uncoupled(others)
         H = composite_matrix(self.tree, self.cdof, RestrictedInertia(matrix), diagonal)
         for J, W in coupled:
-            H = add_products(H, J.J, W)
+            H = add_products(H, J.J, W, rarely=self.occasional)
         return H
 
     def _uncoupled(self, pairs: Iterable[tuple[Jacobian, Array]]):

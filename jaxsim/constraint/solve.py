@@ -149,6 +149,8 @@ def choose_strategy(model: Model, blocks: list[Block]) -> str:
             f"{coupled[0]} rows couple degrees of freedom beyond the tree, which "
             "hessian='articulated' cannot solve; load the model with 'auto', 'dense' or 'iterative'"
         )
+    if not blocks:  # M alone; this is differentiated as it stands
+        return "articulated"
     if model.hessian != "auto":
         return model.hessian
     if not coupled:

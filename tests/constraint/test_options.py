@@ -1,6 +1,7 @@
 """Options and flags that change the constraint problem, against MuJoCo."""
 
 import jax
+import jax.numpy as jnp
 import mujoco
 import numpy as np
 import pytest
@@ -9,10 +10,17 @@ from oracle import assert_close, quick_jit
 from scenes import FLOOR, PILE
 
 from jaxsim.io import load
-from jaxsim.model import ModelError
+from jaxsim.model import ModelError, make_state
 from jaxsim.pipeline import evaluate
 from jaxsim.step import forward
 
+ARM = """
+<mujoco><worldbody>
+  <body><joint axis="0 1 0"/><geom type="capsule" size=".05" fromto="0 0 0 .3 0 0"/>
+    <body pos=".3 0 0"><joint axis="0 1 0"/>
+      <geom type="capsule" size=".05" fromto="0 0 0 .3 0 0"/></body></body>
+</worldbody></mujoco>
+"""
 # One of each kind: a limit, dry friction, an equality and a contact.
 MIXED = """
 <mujoco>
@@ -79,6 +87,21 @@ def test_all_strategies_agree():
     expected = np.stack([d.qacc for d in datas])
     for name, qacc in found.items():
         assert_close(qacc, expected, 1e-6, 1e-6, name)
+
+
+@pytest.mark.parametrize("hessian", ["dense", "iterative"])
+def test_without_constraints_strategies_have_derivatives(hessian, x64):
+    """A reverse-mode derivative of an acceleration that is not constrained."""
+    model = load(ARM)
+    state = make_state(model).replace(qvel=jnp.array([1.0, -2.0]))
+
+    def total(model):
+        return lambda qpos: forward(model, state.replace(qpos=qpos)).qacc.sum()
+
+    qpos = jnp.array([0.3, 0.4])
+    expected = quick_jit(jax.jacfwd(total(model)))(qpos)
+    found = quick_jit(jax.grad(total(model.replace(hessian=hessian))))(qpos)
+    np.testing.assert_allclose(found, expected, rtol=1e-10)
 
 
 def test_coupled_rows_need_another_strategy_than_articulated():

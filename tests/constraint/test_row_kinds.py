@@ -1,5 +1,7 @@
 """Each kind of rows agrees with its own matrix: applied, transposed and in `J^T W J`."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import mujoco
@@ -95,7 +97,8 @@ def test_rows_of_two_links(tree, first):
 
 @pytest.mark.parametrize("vmap", [jax.vmap, jaxsim.vmap])
 @pytest.mark.parametrize("rows", ["single", "diagonal", "blocks"])
-def test_products_of_rows_that_push(vmap, rows, rng, x64):
+@pytest.mark.parametrize("rarely", [True, False])
+def test_products_of_rows_that_push(vmap, rows, rarely, rng, x64):
     """Other contacts push in each element of the batch, and some in none."""
     J = rng.standard_normal((5, COUNT, 6) if rows == "single" else (5, COUNT, 3, 6))
     W = rng.standard_normal((*J.shape[:-1], 3) if rows == "blocks" else J.shape[:-1])
@@ -103,10 +106,11 @@ def test_products_of_rows_that_push(vmap, rows, rng, x64):
     pushes[:, 2], pushes[1, 4] = False, True
     W = W * pushes.reshape(5, COUNT, *[1] * (W.ndim - 2))
     H = rng.standard_normal((5, 6, 6))
-    found = jax.jit(vmap(add_products))(H, J, W)
+    add = functools.partial(add_products, rarely=rarely)
+    found = jax.jit(vmap(add))(H, J, W)
     WJ = W @ J if rows == "blocks" else W[..., None] * J
     flat = lambda x: x.reshape(5, -1, 6)  # noqa: E731
     expected = H + np.einsum("bri,brj->bij", flat(J), flat(WJ))
     np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
-    alone = jax.jit(add_products)(H[0], J[0], W[0])
+    alone = jax.jit(add)(H[0], J[0], W[0])
     np.testing.assert_allclose(alone, expected[0], rtol=1e-12, atol=1e-12)
