@@ -104,11 +104,11 @@ class DenseRows:
 
     def add_force(self, f, force, wrench):
         """Generalised forces only."""
-        return force + self._flat(self.J).T @ f.reshape(-1), wrench
+        return force + _flat(self.J).T @ f.reshape(-1), wrench
 
     def add_curvature(self, W, diagonal, matrix):
         """The diagonal of `J^T W J`."""
-        return diagonal + jnp.sum(self._flat(weighed(W, self.J) * self.J), axis=0), matrix
+        return diagonal + jnp.sum(_flat(weighed(W, self.J) * self.J), axis=0), matrix
 
     def dense(self, tree, cdof):
         """J itself."""
@@ -117,10 +117,6 @@ class DenseRows:
     def restricted(self, components):
         """As it is."""
         return self
-
-    def _flat(self, rows):
-        """All rows along one axis."""
-        return rows.reshape(math.prod(rows.shape[:-1]), rows.shape[-1])
 
 
 @struct.dataclass
@@ -188,8 +184,7 @@ def add_products(
 
 
 def _add_all(H, J, W):
-    rows = J.reshape(-1, J.shape[-1])
-    return H + rows.T @ weighed(W, J).reshape(rows.shape)
+    return H + _flat(J).T @ _flat(weighed(W, J))
 
 
 def _add_pushing(H, J, W):
@@ -203,6 +198,11 @@ def _add_pushing(H, J, W):
         return H + rows.T @ WJ
 
     return lax.fori_loop(0, jnp.sum(pushing), add, H)
+
+
+def _flat(rows: Float[Array, "*rows nv"]) -> Float[Array, "n nv"]:
+    """All rows along one axis."""
+    return rows.reshape(math.prod(rows.shape[:-1]), rows.shape[-1])
 
 
 def link_rows(link1: np.ndarray, G1: Array, link2: np.ndarray, G2: Array) -> LinkRows:

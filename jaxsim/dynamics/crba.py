@@ -7,7 +7,6 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsim.dynamics.kinematics import Kinematics, kinematics
@@ -52,7 +51,7 @@ def composite_matrix(
     _, momentum = inward(tree, _composite, zero, inertia, cdof)
     products = momentum @ cdof.T
     # [j, i] where dof i moves the link of dof j; within one joint each dof moves the others.
-    related = np.asarray(tree.moves[tree.dof_node])
+    related = tree.moves[tree.dof_node]
     full = jnp.where(related, products, jnp.where(related.T, products.T, 0))
     return full + jnp.diag(diagonal)
 

@@ -14,13 +14,6 @@ from jaxsim.model import ModelError, make_state
 from jaxsim.pipeline import evaluate
 from jaxsim.step import forward
 
-ARM = """
-<mujoco><worldbody>
-  <body><joint axis="0 1 0"/><geom type="capsule" size=".05" fromto="0 0 0 .3 0 0"/>
-    <body pos=".3 0 0"><joint axis="0 1 0"/>
-      <geom type="capsule" size=".05" fromto="0 0 0 .3 0 0"/></body></body>
-</worldbody></mujoco>
-"""
 # One of each kind: a limit, dry friction, an equality and a contact.
 MIXED = """
 <mujoco>
@@ -92,7 +85,7 @@ def test_all_strategies_agree():
 @pytest.mark.parametrize("hessian", ["dense", "iterative"])
 def test_without_constraints_strategies_have_derivatives(hessian, x64):
     """A reverse-mode derivative of an acceleration that is not constrained."""
-    model = load(ARM)
+    model = load("double_pendulum")
     state = make_state(model).replace(qvel=jnp.array([1.0, -2.0]))
 
     def total(model):
