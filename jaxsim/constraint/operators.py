@@ -118,6 +118,11 @@ class TreeOperator:
             force, wrench = J.add_force(f, force, wrench)
         return force + tree_force(self.tree, self.cdof, wrench)
 
+    def unconstrained(self, r: Float[Array, "nv"]) -> TreePoint:
+        """The lifted `M^-1 r`."""
+        matrix, diagonal = self._uncoupled(())
+        return self.lift_known(*articulated_solve(self.tree, self.cdof, matrix, diagonal, r))
+
     def solve(self, curvatures: Rows, r: Float[Array, "nv"]) -> TreePoint:
         """The lifted `(M + J^T W J)^-1 r`."""
         if self.strategy == "articulated" or not r.size:  # LAPACK has no empty factor

@@ -13,7 +13,6 @@ from jaxsim.constraint.friction import friction_blocks
 from jaxsim.constraint.limit import limit_blocks
 from jaxsim.constraint.operators import make_operator
 from jaxsim.constraint.scene import Scene
-from jaxsim.dynamics.aba import solve_mass
 from jaxsim.dynamics.velocity import from_tree_order, to_tree_order
 from jaxsim.model import Model, ModelError
 from jaxsim.solver import Operator, Problem, SolverStatus, attach_lifted, solve
@@ -79,16 +78,15 @@ def constrained_acceleration(
     problem = Problem(tuple(block.kind for block in blocks))
     force = to_tree_order(model, qfrc_smooth)
     if not blocks:
-        y = operator.solve((), force)
+        y = operator.unconstrained(force)
         status = _unconstrained_status(-0.5 * force @ operator.vector(y))
         return _outcome(scene, contact, blocks, operator, y, status)
-    if model.opt.disabled(_WARMSTART_OFF):
-        qacc_warmstart = solve_mass(model, scene.kin, qfrc_smooth)
+    warm = not model.opt.disabled(_WARMSTART_OFF)
     found = solve(
         problem,
         operator,
         force,
-        to_tree_order(model, qacc_warmstart),
+        to_tree_order(model, qacc_warmstart) if warm else None,
         iterations=model.opt.iterations,
         ls_iterations=model.opt.ls_iterations,
         tolerance=model.opt.tolerance,
@@ -149,8 +147,6 @@ def choose_strategy(model: Model, blocks: list[Block]) -> str:
             f"{coupled[0]} rows couple degrees of freedom beyond the tree, which "
             "hessian='articulated' cannot solve; load the model with 'auto', 'dense' or 'iterative'"
         )
-    if not blocks:  # M alone; this is differentiated as it stands
-        return "articulated"
     if model.hessian != "auto":
         return model.hessian
     if not coupled:

@@ -1,7 +1,9 @@
 """Exact line search on the piecewise smooth, convex objective.
 
 Along `x + alpha s` the objective phi is convex, so its slope phi' increases and the minimum is
-its only root: Newton steps on phi' inside a bracket, bisection when they stop paying.
+its only root: Newton steps on phi' from alpha = 1 until its sign changes, then Newton steps and
+middles of the bracket by turns. These are MuJoCo's points in MuJoCo's order, so that a search that
+few evaluations cut short ends where MuJoCo's does.
 """
 
 from collections.abc import Callable
@@ -11,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from flax import struct
 from jax import lax
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from jaxsim.solver.operator import Lifted, Operator, Rows
 from jaxsim.solver.problem import Problem
@@ -115,12 +117,12 @@ def full_step(line: Line) -> tuple[Float[Array, ""], Float[Array, ""]]:
 
 
 class _Search(NamedTuple):
-    alpha: Float[Array, ""]  # the next point to try
+    alpha: Float[Array, ""]  # the next point to try; once done, the result
     low: Float[Array, ""]  # the largest known point with a negative slope
     high: Float[Array, ""]  # the smallest known point with a positive slope
-    steepness: Float[Array, ""]  # |phi'| at the previous point
+    middle: Float[Array, ""]  # of the bracket before the last Newton step, due after it, or inf
     done: Bool[Array, ""]
-    count: Array
+    count: Int[Array, ""]  # slopes that MuJoCo would have evaluated, that at alpha = 0 included
 
 
 def line_search(
@@ -134,7 +136,8 @@ def line_search(
     Args:
         line: The objective along a descent direction.
         tolerance: Slope below which a point is accepted.
-        iterations: Largest number of slopes evaluated; the first at alpha = 1, the Newton step.
+        iterations: Largest number of slopes. The first is that at alpha = 0, which is known; the
+            second, at alpha = 1, the Newton step, is evaluated in any case.
         done: True asks for no search. In a batch, environments whose solve has ended go along
             with the others, and should not keep them waiting.
 
@@ -145,49 +148,53 @@ def line_search(
     inf = jnp.full_like(zero, jnp.inf)
     if iterations > UNROLLED:  # what is unrolled saves nothing by having no search to do
         done = done | line.is_quadratic()
-    search = _Search(one, zero, inf, inf, jnp.asarray(done), jnp.zeros((), int))
-    search = _repeat(lambda s: _advance(line, tolerance, s), search, iterations)
-    # The last point may be a Newton step whose cost was never seen; low improves by convexity.
-    changes = jax.vmap(line.change)(jnp.stack([search.alpha, search.low]))
-    better = changes[0] <= line.rounding * search.alpha
-    alpha = jnp.where(better, search.alpha, search.low)
-    return alpha, -jnp.where(better, changes[0], changes[1])
+    search = _Search(one, zero, inf, inf, jnp.asarray(done), jnp.ones((), int))
+    iterations = max(iterations, 2)
+    search = _repeat(lambda s: _advance(line, tolerance, s, iterations), search, iterations)
+    # Where the search was cut short, the cheaper of two ends; low improves by convexity.
+    end = jnp.where(jnp.isfinite(search.high), search.high, search.low)
+    end = jnp.where(search.done, search.alpha, end)
+    changes = jax.vmap(line.change)(jnp.stack([end, search.low]))
+    better = changes[0] <= changes[1] + line.rounding * end
+    return jnp.where(better, end, search.low), -jnp.where(better, changes[0], changes[1])
 
 
 def _repeat(advance: Callable[[_Search], _Search], search: _Search, iterations: int) -> _Search:
     if iterations > UNROLLED:
         return lax.while_loop(lambda s: ~s.done & (s.count < iterations), advance, search)
-    for _ in range(iterations):
+    for _ in range(iterations - 1):
         search = advance(search)
     return search
 
 
-def _advance(line: Line, tolerance: Float[Array, ""], search: _Search) -> _Search:
+def _advance(line: Line, tolerance: Float[Array, ""], search: _Search, iterations: int) -> _Search:
     """Evaluates the slope at the next point and chooses the one after it."""
     alpha = search.alpha
     first, second = line.slopes(alpha)
-    steepness = jnp.abs(first)
     # Near the root of a stiff row the slope is the difference of two terms of size alpha phi''.
     rounding = line.rounding + 8 * jnp.finfo(alpha.dtype).eps * alpha * second
     low = jnp.where(first < 0, alpha, search.low)
     high = jnp.where(first > 0, alpha, search.high)
-    newton = alpha - first / jnp.where(second > 0, second, 1.0)
-    middle = 0.5 * (low + high)
-    slow = steepness > 0.25 * search.steepness
-    inside = (newton > low) & (newton < high)
-    bisect = jnp.isfinite(high) & (slow | ~inside)
-    proposal = jnp.where(bisect, middle, newton)
+    newton, middle = alpha - first / jnp.where(second > 0, second, 1.0), 0.5 * (low + high)
+    due = (search.middle > low) & (search.middle < high)
+    proposal = jnp.where((newton > low) & (newton < high), newton, middle)
+    proposal = jnp.where(due, search.middle, proposal)
+    # A middle outside the bracket is passed over, but counts.
+    count = search.count + 1 + (jnp.isfinite(search.middle) & ~due)
+    # A turn in a bracket takes two slopes. It is not begun where only one is left.
+    turn = (low > 0) & jnp.isfinite(high) & ~due
+    short = turn & (count + 2 > iterations)
     # Nothing lies between the ends of a bracket as narrow as a unit of rounding, and nothing is
     # to be gained in one along which the slope changes by less than it can be known: a fraction
     # of `rounding`, which is a bound.
     flat = (high - low) * second <= rounding / 8
     narrow = (proposal <= low) | (proposal >= high) | flat
-    done = search.done | (steepness <= jnp.maximum(tolerance, rounding)) | narrow
+    found = search.done | (jnp.abs(first) <= jnp.maximum(tolerance, rounding)) | narrow
     return _Search(
-        alpha=jnp.where(done, alpha, proposal),
+        alpha=jnp.where(found, alpha, jnp.where(short, high, proposal)),
         low=jnp.where(search.done, search.low, low),
         high=jnp.where(search.done, search.high, high),
-        steepness=steepness,
-        done=done,
-        count=search.count + 1,
+        middle=jnp.where(turn, middle, jnp.inf),
+        done=found | short,
+        count=count,
     )

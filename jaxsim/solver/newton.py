@@ -3,7 +3,8 @@
 The loop is MuJoCo's: step along `s = H^-1 (-gradient)` with the Hessian `H = M + J^T W J` of the
 current zones, stop when the scaled improvement or the scaled gradient falls below the tolerance.
 It starts at the warm start. MuJoCo takes the unconstrained point instead where that costs less, for
-which it must be known, at the price of another solve; without active rows one step ends there.
+which it must be known, at the price of another solve. Without active rows one step ends there, so
+that is done only where there is a single step, whose result depends on its start.
 Where no row changes zone along the full step, that step ends at the minimum: nothing is searched
 for, and the solve is over. The first step is tried in full, before the loop, for that reason.
 Two things are added. A step that is not finite is refused and ends the loop. And when a step gains
@@ -81,7 +82,7 @@ def solve(
     problem: Problem,
     operator: Operator,
     force: Float[Array, "nv"],
-    x_start: Float[Array, "nv"],
+    x_start: Float[Array, "nv"] | None,
     *,
     iterations: int,
     ls_iterations: int,
@@ -99,8 +100,9 @@ def solve(
         problem: The blocks of constraint rows.
         operator: Mass matrix and Jacobian.
         force: All forces but those of constraints.
-        x_start: Where to begin; zeros if it is not finite.
-        iterations: Largest number of Newton steps. With 1 there is no loop.
+        x_start: Where to begin; zeros if it is not finite, the unconstrained point if it is None.
+        iterations: Largest number of Newton steps. With 1 there is no loop, and the step begins at
+            x_start or at the unconstrained point, whichever costs less.
         ls_iterations: Largest number of slopes that a line search evaluates.
         tolerance: Bound on the scaled improvement and on the scaled gradient norm.
         ls_tolerance: Line searches stop at a slope of `tolerance * ls_tolerance * |s| / scale`.
@@ -114,8 +116,7 @@ def solve(
     held = (problem, operator, force, x_start, numbers)
     problem, operator, force, x_start, numbers = lax.stop_gradient(held)
     search = _Search(problem, operator, force, ls_iterations, *numbers)
-    x = jnp.where(jnp.all(jnp.isfinite(x_start)), x_start, 0.0)
-    state = _run(search, operator.lift(x), iterations)
+    state = _run(search, _start(search, x_start, iterations), iterations)
     status = SolverStatus(
         iterations=state.count,
         residual=_norm(_residual(search, state.y)),
@@ -124,6 +125,17 @@ def solve(
         finite=state.finite,
     )
     return Solution(x=operator.vector(state.y), status=status)
+
+
+def _start(search: _Search, x: Float[Array, "nv"] | None, iterations: int) -> Lifted:
+    operator = search.operator
+    if x is None:
+        return operator.unconstrained(search.force)
+    given = operator.lift(jnp.where(jnp.all(jnp.isfinite(x)), x, 0.0))
+    if iterations > 1:
+        return given
+    smooth = operator.unconstrained(search.force)
+    return _where(_cost(search, smooth) < _cost(search, given), smooth, given)
 
 
 def _run(search: _Search, y: Lifted, iterations: int) -> _Iterate:

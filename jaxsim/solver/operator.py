@@ -44,6 +44,10 @@ class Operator(Protocol):
         """`J^T f - M x`; with the other forces added, minus the gradient of the objective."""
         ...
 
+    def unconstrained(self, r: Float[Array, "nv"]) -> Lifted:
+        """The lifted `M^-1 r`."""
+        ...
+
     def solve(self, curvatures: Rows, r: Float[Array, "nv"]) -> Lifted:
         """The lifted solution of `(M + J^T W J) s = r`.
 

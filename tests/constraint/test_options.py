@@ -1,5 +1,7 @@
 """Options and flags that change the constraint problem, against MuJoCo."""
 
+import pathlib
+
 import jax
 import jax.numpy as jnp
 import mujoco
@@ -9,6 +11,7 @@ from instants import batch_states, converging, evaluated, rollout
 from oracle import assert_close, quick_jit
 from scenes import FLOOR, PILE
 
+import jaxsim
 from jaxsim.io import load
 from jaxsim.model import ModelError, make_state
 from jaxsim.pipeline import evaluate
@@ -30,6 +33,7 @@ MIXED = """
   <equality><joint joint1="y" joint2="x" polycoef="0 1 0 0 0" solref=".005 1"/></equality>
 </mujoco>
 """
+ASSETS = pathlib.Path(jaxsim.__file__).parent / "assets"
 DISABLE = "CONSTRAINT EQUALITY FRICTIONLOSS LIMIT CONTACT WARMSTART REFSAFE".split()
 
 
@@ -115,3 +119,22 @@ def _by_strategy(model, datas, strategies):
         return {n: evaluate(m, state, ctrl).constrained.qacc for n, m in variants.items()}
 
     return quick_jit(jax.vmap(solve))(*batch_states(model, datas))
+
+
+@pytest.mark.parametrize(
+    ("name", "cone", "evaluations"), [("quadruped", "pyramidal", 4), ("humanoid", "elliptic", 4)]
+)
+def test_a_single_step_ends_where_mujocos_does(name, cone, evaluations):
+    """Warm starts, and line searches that are cut short, do not only lead to the same minimum."""
+    mj = converging(str(ASSETS / f"{name}.xml"), cone)
+    datas = rollout(mj, 40, 3, spread=1.0)
+    warm = np.stack([datas[max(i - 1, 0)].qacc for i in range(len(datas))])
+    for data, qacc in zip(datas, warm, strict=True):
+        data.qacc_warmstart[:] = qacc
+    mj.opt.iterations, mj.opt.ls_iterations = 1, evaluations
+    model, expected = load(mj), [evaluated(mj, data) for data in datas]
+    assert sum(data.solver[0].neval >= evaluations for data in expected) >= 5
+    states, ctrl = batch_states(model, datas)
+    states = states.replace(qacc_warmstart=jnp.asarray(warm))
+    got = quick_jit(jax.vmap(forward, (None, 0, 0)))(model, states, ctrl)
+    assert_close(got.qacc, np.stack([data.qacc for data in expected]), 1e-6, 1e-6)

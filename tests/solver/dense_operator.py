@@ -65,6 +65,10 @@ class DenseOperator:
             H = H + _flat(J).T @ _flat(weighed(W, J))
         return H
 
+    def unconstrained(self, r: Float[Array, "nv"]) -> DensePoint:
+        """The lifted `M^-1 r`."""
+        return self.lift(cho_solve(cho_factor(self.mass), r))
+
     def solve(self, curvatures: Rows, r: Float[Array, "nv"]) -> DensePoint:
         """The lifted `(M + J^T W J)^-1 r`."""
         return self.lift(cho_solve(cho_factor(self.hessian(curvatures), lower=True), r))

@@ -164,3 +164,14 @@ def test_all_rows_inactive(x64, random_case, solve_tight):
     solution = solve_tight(off, operator, force)
     np.testing.assert_allclose(operator.mass @ solution.x, force, atol=1e-12)
     assert solution.status.iterations == 1
+
+
+def test_a_single_step_begins_where_it_costs_less(x64, random_case, solve_tight):
+    """At the given point or at the unconstrained one, as in MuJoCo."""
+    problem, operator, force = random_case(2)
+    smooth = operator.vector(operator.unconstrained(force))
+    good = solve_tight(problem, operator, force).x
+    one = lambda x: solve_tight(problem, operator, force, x, iterations=1).x  # noqa: E731
+    np.testing.assert_allclose(one(good + 1e3), one(smooth), rtol=1e-12)
+    np.testing.assert_allclose(one(good), good, atol=1e-10)
+    assert np.abs(one(smooth) - good).max() > 1e-3
