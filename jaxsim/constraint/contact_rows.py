@@ -13,6 +13,7 @@ from jaxtyping import Array, Float
 from jaxsim.constraint.jacobian import LinkRows
 from jaxsim.constraint.links import Links, add_at, gather, moves
 from jaxsim.dynamics.components import ALL, Components
+from jaxsim.model.compound import Compound
 from jaxsim.model.topology import Forest
 
 
@@ -91,6 +92,11 @@ class ContactRows:
             return self
         sides = tuple((s.sign * self._map(s.arm), s.link) for s in self.sides)
         return LinkRows(sides).restricted(components)
+
+    def renumbered(self, compound: Compound) -> "ContactRows":
+        """Links have other numbers."""
+        sides = tuple(Side(s.arm, s.link.renumbered(compound.node), s.sign) for s in self.sides)
+        return ContactRows(self.frame, sides, self.condim)
 
     def _map(self, arm: Float[Array, "n 3"]) -> Float[Array, "n condim 6"]:
         """From a link's motion to the rows: the wrenches that the rows' unit forces are."""

@@ -4,7 +4,8 @@ Rows of single degrees of freedom (`DofRows`), rows of the relative motion of tw
 (`LinkRows`; those of contacts are in `contact_rows`), and everything else (`DenseRows`).
 Accelerations come in lifted form: `x` in tree order and the accelerations `a` of the links that
 it causes, about the trees' reference points. Of these there are six components, or those that
-the Jacobian was restricted to (`jaxsim.dynamics.components`).
+the Jacobian was restricted to (`jaxsim.dynamics.components`). The tree has one link for each joint
+or, after `renumbered`, for each body with joints (`jaxsim.model.compound`).
 """
 
 import math
@@ -20,6 +21,7 @@ from jaxtyping import Array, Float
 from jaxsim.constraint.links import Links, add_at, gather, moves
 from jaxsim.dynamics.components import Components, restrict
 from jaxsim.dynamics.tree import sum_by, take
+from jaxsim.model.compound import Compound
 from jaxsim.model.topology import Forest
 from jaxsim.solver import anywhere, weighed
 
@@ -45,6 +47,10 @@ class Jacobian(Protocol):
 
     def restricted(self, components: Components) -> "Jacobian":
         """The same rows, for links whose motions have these components."""
+        ...
+
+    def renumbered(self, compound: Compound) -> "Jacobian":
+        """The same rows, for the links and the order of a compound tree."""
         ...
 
     @property
@@ -89,6 +95,10 @@ class DofRows:
         """As it is."""
         return self
 
+    def renumbered(self, compound):
+        """Degrees of freedom have other numbers."""
+        return DofRows(self.scale, tuple(compound.dof_position[np.array(self.dof, int)].tolist()))
+
 
 @struct.dataclass
 class DenseRows:
@@ -117,6 +127,10 @@ class DenseRows:
     def restricted(self, components):
         """As it is."""
         return self
+
+    def renumbered(self, compound):
+        """Columns change places."""
+        return DenseRows(jnp.moveaxis(take(jnp.moveaxis(self.J, -1, 0), compound.dof), 0, -1))
 
 
 @struct.dataclass
@@ -160,6 +174,10 @@ class LinkRows:
     def restricted(self, components):
         """Columns of the maps."""
         return LinkRows(tuple((restrict(components, G), link) for G, link in self.sides))
+
+    def renumbered(self, compound):
+        """Links have other numbers."""
+        return LinkRows(tuple((G, link.renumbered(compound.node)) for G, link in self.sides))
 
     def _sum(self, f):
         parts = [f(G, link) for G, link in self.sides]

@@ -31,6 +31,12 @@ class Links:
             return cls(tuple(int(i) for i in index), None)
         return cls(None, jnp.asarray(index))
 
+    def renumbered(self, node: np.ndarray) -> "Links":
+        """The same links where link i has the number `node[i]`; `node[-1]` is -1."""
+        if self.traced is not None:
+            return Links(None, jnp.asarray(node)[self.traced])
+        return Links.of(node[np.array(self.static, int)])
+
     @property
     def may_move(self) -> bool:
         """False if it is known that none of them moves."""

@@ -5,7 +5,8 @@ with link inertias `I + G^T W G` and joint armatures `d + w`; one walk in, one w
 `dense`: that mass matrix by composite bodies, `J^T W J` of the rows that couple, and Cholesky.
 `iterative`: conjugate gradients on products that cost O(n), preconditioned by the articulated solve
 that leaves the coupling out. The last two are articulated as well as long as no row that couples
-pushes, anywhere in a batch. All vectors are in tree order.
+pushes, anywhere in a batch. All vectors are in the order of the tree with compound joints
+(`jaxsim.model.compound`), which has fewer links to walk over.
 """
 
 import functools
@@ -31,8 +32,7 @@ from jaxsim.dynamics.crba import composite_matrix
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.dynamics.rnea import tree_force
-from jaxsim.dynamics.tree import accumulate_outward, sum_by
-from jaxsim.dynamics.velocity import to_tree_order
+from jaxsim.dynamics.tree import accumulate_outward, sum_by, take
 from jaxsim.model import Model
 from jaxsim.model.topology import Forest
 from jaxsim.solver import anywhere, pcg_solve
@@ -59,8 +59,8 @@ class TreePoint:
     """
 
     x: Float[Array, "nv"]
-    a: Float[Array, "njnt c"]
-    p: Float[Array, "njnt c"]
+    a: Float[Array, "n c"]
+    p: Float[Array, "n c"]
     rows: Rows
 
 
@@ -75,7 +75,7 @@ class TreeOperator:
       inertia: inertias of the links.
       armature: of the degrees of freedom.
       jacobians: one per block.
-      tree: the links, static.
+      tree: the links, joints of a body compounded, static.
       strategy: how `solve` does it, one of `STRATEGIES`, static.
       occasional: whether some rows couple, but only those of contacts, static.
     """
@@ -93,7 +93,7 @@ class TreeOperator:
         rate = sum_by(self.cdof * x[:, None], self.tree.dof_node, len(self.tree))
         return self.lift_known(x, accumulate_outward(self.tree, rate))
 
-    def lift_known(self, x: Float[Array, "nv"], a: Float[Array, "njnt c"]) -> TreePoint:
+    def lift_known(self, x: Float[Array, "nv"], a: Float[Array, "n c"]) -> TreePoint:
         """`lift(x)` where the accelerations of the links are known."""
         momentum = jax.vmap(lambda inertia, a: inertia.apply(a))(self.inertia, a)
         return TreePoint(x, a, momentum, tuple(J.apply(x, a) for J in self.jacobians))
@@ -176,19 +176,31 @@ def make_operator(
     model: Model, kin: Kinematics, blocks: list[Block], strategy: str
 ) -> TreeOperator:
     """The operator of a strategy from `STRATEGIES`."""
-    components = motion_components(model)
-    cdof = restrict(components, kin.cdof)
-    jacobians = [block.jacobian.restricted(components) for block in blocks]
+    components, compound = motion_components(model), model.structure.compound
+    cdof = take(restrict(components, kin.cdof), compound.dof)
+    jacobians = [block.jacobian.restricted(components).renumbered(compound) for block in blocks]
     if strategy == "dense":
         jacobians = [
-            _dense_rows(J, block.kind.D, model.tree, cdof) if J.coupled else J
+            _dense_rows(J, block.kind.D, compound.tree, cdof) if J.coupled else J
             for J, block in zip(jacobians, blocks, strict=True)
         ]
-    inertia = jax.vmap(lambda inertia: restrict_inertia(components, inertia))(kin.inertia)
-    armature = to_tree_order(model, dof_armature(model))
+    inertia = jax.tree.map(lambda x: take(x, compound.link), kin.inertia)
+    inertia = jax.vmap(lambda inertia: restrict_inertia(components, inertia))(inertia)
+    armature = to_compound_order(model, dof_armature(model))
     coupled = [block.name for block in blocks if block.jacobian.coupled]
     occasional = bool(coupled) and all(name.startswith("contact") for name in coupled)
-    return TreeOperator(cdof, inertia, armature, tuple(jacobians), model.tree, strategy, occasional)
+    tree = compound.tree
+    return TreeOperator(cdof, inertia, armature, tuple(jacobians), tree, strategy, occasional)
+
+
+def to_compound_order(model: Model, x: Float[Array, "nv ..."]) -> Float[Array, "nv ..."]:
+    """From MuJoCo's order of degrees of freedom to that of an operator."""
+    return take(x, model.structure.dof_order[model.structure.compound.dof])
+
+
+def from_compound_order(model: Model, x: Float[Array, "nv ..."]) -> Float[Array, "nv ..."]:
+    """From the order of an operator to MuJoCo's."""
+    return take(x, model.structure.compound.dof_position[model.structure.dof_position])
 
 
 def _dense_rows(J: Jacobian, D: Array, tree: Forest, cdof: Float[Array, "nv c"]) -> DenseRows:

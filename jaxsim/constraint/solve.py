@@ -11,9 +11,8 @@ from jaxsim.constraint.contact import contact_blocks, contact_forces
 from jaxsim.constraint.equality import equality_blocks
 from jaxsim.constraint.friction import friction_blocks
 from jaxsim.constraint.limit import limit_blocks
-from jaxsim.constraint.operators import make_operator
+from jaxsim.constraint.operators import from_compound_order, make_operator, to_compound_order
 from jaxsim.constraint.scene import Scene
-from jaxsim.dynamics.velocity import from_tree_order, to_tree_order
 from jaxsim.model import Model, ModelError
 from jaxsim.solver import Operator, Problem, SolverStatus, attach_lifted, solve
 
@@ -76,7 +75,7 @@ def constrained_acceleration(
     blocks = constraint_blocks(scene, contact)
     operator = make_operator(model, scene.kin, blocks, choose_strategy(model, blocks))
     problem = Problem(tuple(block.kind for block in blocks))
-    force = to_tree_order(model, qfrc_smooth)
+    force = to_compound_order(model, qfrc_smooth)
     if not blocks:
         y = operator.unconstrained(force)
         status = _unconstrained_status(-0.5 * force @ operator.vector(y))
@@ -86,7 +85,7 @@ def constrained_acceleration(
         problem,
         operator,
         force,
-        to_tree_order(model, qacc_warmstart) if warm else None,
+        to_compound_order(model, qacc_warmstart) if warm else None,
         iterations=model.opt.iterations,
         ls_iterations=model.opt.ls_iterations,
         tolerance=model.opt.tolerance,
@@ -107,7 +106,7 @@ def constrained_at(scene: Scene, contact: Contact, qacc: Float[Array, "nv"]) -> 
     """
     blocks = constraint_blocks(scene, contact)
     operator = make_operator(scene.model, scene.kin, blocks, "articulated")
-    y = operator.lift(to_tree_order(scene.model, qacc))
+    y = operator.lift(to_compound_order(scene.model, qacc))
     return _outcome(
         scene, contact, blocks, operator, y, _unconstrained_status(jnp.zeros((), qacc.dtype))
     )
@@ -121,8 +120,8 @@ def _outcome(
     forces = Problem(tuple(block.kind for block in blocks)).forces(operator.rows(y))
     contacts = [f for f, b in zip(forces, blocks, strict=True) if b.name.startswith("contact")]
     return Constrained(
-        qacc=from_tree_order(model, x),
-        qfrc_constraint=from_tree_order(model, _pulled(operator, forces, x)),
+        qacc=from_compound_order(model, x),
+        qfrc_constraint=from_compound_order(model, _pulled(operator, forces, x)),
         blocks=tuple(blocks),
         forces=forces,
         contact_force=contact_forces(contact, contacts)

@@ -5,6 +5,7 @@ Featherstone, Rigid Body Dynamics Algorithms (2008), section 7.3, in world axes.
 
 import jax
 import jax.numpy as jnp
+from jax import lax
 from jaxtyping import Array, Float
 
 from jaxsim.dynamics.components import motion_components, restrict, restrict_matrix
@@ -119,36 +120,24 @@ def _solve_joint(joint, U, u):
     if n == 1:
         inverse = 1 / joint[0, 0]
         return inverse * U, inverse * u
-    inverse = _inverse(joint, n)
+    inverse = _inverse(joint)
     return inverse @ U, inverse @ u
 
 
-def _inverse(joint, n: int):
-    """By LDL^T on the rows of the identity."""
-    lower, pivots = _factor(joint, n)
-    rows = list(jnp.eye(n, dtype=joint.dtype))
-    for i in range(n):
-        for k in range(i):
-            rows[i] = rows[i] - lower[i][k] * rows[k]
-    for i in reversed(range(n)):
-        rows[i] = rows[i] / pivots[i]
-        for k in range(i + 1, n):
-            rows[i] = rows[i] - lower[k][i] * rows[k]
-    return jnp.stack(rows)
+def _inverse(A):
+    """Of a positive definite matrix: `X^T D^-1 X` with `X = L^-1`, `A = L D L^T`.
 
-
-def _factor(A, n: int):
-    """Unit lower triangle and pivots of `A = L D L^T`, as nested lists of scalars."""
-    lower: list[list] = [[None] * n for _ in range(n)]
-    pivots = []
+    Elimination goes on in all rows: what is left of a row that is done is zero.
+    """
+    n = len(A)
+    rest, rows = jnp.concatenate([A, jnp.eye(n, dtype=A.dtype)], axis=1), []
     for j in range(n):
-        pivot = A[j, j]
-        for k in range(j):
-            pivot = pivot - lower[j][k] * lower[j][k] * pivots[k]
-        pivots.append(pivot)
-        for i in range(j + 1, n):
-            entry = A[i, j]
-            for k in range(j):
-                entry = entry - lower[i][k] * lower[j][k] * pivots[k]
-            lower[i][j] = entry / pivot
-    return lower, pivots
+        row = rest[j]
+        rows.append(row)
+        if j + 1 < n:
+            scaled = row / row[j]
+            # Without a barrier it would be computed again for each of its rows and columns.
+            rest = lax.optimization_barrier(rest - rest[:, j][:, None] * scaled[None])
+    rows = jnp.stack(rows)
+    X, pivots = rows[:, n:], jnp.diagonal(rows)
+    return X.T @ (X / pivots[:, None])

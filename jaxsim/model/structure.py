@@ -11,6 +11,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from jaxsim.model.compound import Compound
 from jaxsim.model.names import Names
 from jaxsim.model.topology import Forest
 
@@ -136,6 +137,12 @@ class Structure:
     def dof_position(self) -> np.ndarray:
         """(nv,) tree-order index of each of MuJoCo's degrees of freedom."""
         return np.argsort(self.dof_order)
+
+    @functools.cached_property
+    def compound(self) -> Compound:
+        """The links again, where the joints of a body make one."""
+        follows = self.jnt_bodyid == np.roll(self.jnt_bodyid, 1)
+        return Compound.of(self.tree, follows & (np.arange(self.njnt) > 0))
 
     def _link_parent(self) -> np.ndarray:
         """(njnt,) joint that carries each joint, -1 at the root of a tree."""

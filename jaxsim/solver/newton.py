@@ -135,7 +135,9 @@ def _start(search: _Search, x: Float[Array, "nv"] | None, iterations: int) -> Li
     if iterations > 1:
         return given
     smooth = operator.unconstrained(search.force)
-    return _where(_cost(search, smooth) < _cost(search, given), smooth, given)
+    both = jax.tree.map(lambda a, b: jnp.stack([a, b]), given, smooth)
+    costs = jax.vmap(lambda y: _cost(search, y))(both)
+    return _where(costs[1] < costs[0], smooth, given)
 
 
 def _run(search: _Search, y: Lifted, iterations: int) -> _Iterate:
