@@ -24,8 +24,8 @@ from jaxsim.batch.fusion import computed, not_inlined
 from jaxsim.batch.inline import fixed_operands, living, unchanging, variables, written_out
 
 # Equations of a section, those of its loops counted once: below the first the start is no matter,
-# and above the second LLVM takes longer for one function than for two.
-MIN_EQUATIONS, MAX_EQUATIONS = 32, 2500
+# and above the second LLVM takes longer for one function than for two, and makes nothing faster.
+MIN_EQUATIONS, MAX_EQUATIONS = 32, 800
 # A loop is better not divided: what it carries is then copied at every turn, part by part.
 MAX_LOOP = 5000
 
