@@ -111,7 +111,7 @@ def _substitute(parent, _, dofs):
 
 
 def _solve_joint(joint, U, u):
-    """`joint^-1 U` and `joint^-1 u` for 1, 3 or 6 degrees of freedom.
+    """`joint^-1 U` and `joint^-1 u`.
 
     Two products with the inverse: joined in one substitution, reverse mode would not see that the
     solve is linear in u alone.
