@@ -120,8 +120,7 @@ class TreeOperator:
 
     def unconstrained(self, r: Float[Array, "nv"]) -> TreePoint:
         """The lifted `M^-1 r`."""
-        matrix, diagonal = self._uncoupled(())
-        return self.lift_known(*articulated_solve(self.tree, self.cdof, matrix, diagonal, r))
+        return self._solve_with((), r)
 
     def solve(self, curvatures: Rows, r: Float[Array, "nv"]) -> TreePoint:
         """The lifted `(M + J^T W J)^-1 r`."""
@@ -137,7 +136,11 @@ class TreeOperator:
     def _solve_articulated(self, curvatures: Rows, r: Float[Array, "nv"]) -> TreePoint:
         """Without the rows that couple, if there are any."""
         pairs = zip(self.jacobians, curvatures, strict=True)
-        matrix, diagonal = self._uncoupled((J, W) for J, W in pairs if not J.coupled)
+        return self._solve_with(((J, W) for J, W in pairs if not J.coupled), r)
+
+    def _solve_with(self, pairs: Iterable[tuple[Jacobian, Array]], r) -> TreePoint:
+        """`_uncoupled` solved by articulated bodies."""
+        matrix, diagonal = self._uncoupled(pairs)
         return self.lift_known(*articulated_solve(self.tree, self.cdof, matrix, diagonal, r))
 
     def _solve_dense(self, curvatures: Rows, r: Float[Array, "nv"]) -> TreePoint:

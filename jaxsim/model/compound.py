@@ -31,17 +31,17 @@ class Compound:
     dof_position: np.ndarray
 
     @classmethod
-    def of(cls, tree: Forest, follows: np.ndarray) -> "Compound":
+    def of(cls, tree: Forest, first: np.ndarray) -> "Compound":
         """Join joints.
 
         Args:
           tree: the links, one for each joint.
-          follows: (njnt,) whether a joint is on the same body as the joint before it.
+          first: (njnt,) in tree order: whether the link's joint is the first one of its body.
         """
-        if not follows.any():
+        if first.all():
             dofs = np.arange(tree.nv)
             return cls(tree, np.arange(len(tree)), np.append(np.arange(len(tree)), -1), dofs, dofs)
-        group = np.cumsum(~follows) - 1
+        group = np.cumsum(first[tree.position]) - 1
         members = [np.nonzero(group == g)[0] for g in range(group[-1] + 1)]
         above = tree.parent[tree.position[[m[0] for m in members]]]
         parent = np.where(above >= 0, group[tree.order[above]], -1)

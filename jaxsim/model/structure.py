@@ -141,8 +141,7 @@ class Structure:
     @functools.cached_property
     def compound(self) -> Compound:
         """The links again, where the joints of a body make one."""
-        follows = self.jnt_bodyid == np.roll(self.jnt_bodyid, 1)
-        return Compound.of(self.tree, follows & (np.arange(self.njnt) > 0))
+        return Compound.of(self.tree, self.link_first)
 
     def _link_parent(self) -> np.ndarray:
         """(njnt,) joint that carries each joint, -1 at the root of a tree."""

@@ -103,7 +103,7 @@ def solve(
         x_start: Where to begin; zeros if it is not finite, the unconstrained point if it is None.
         iterations: Largest number of Newton steps. With 1 there is no loop, and the step begins at
             x_start or at the unconstrained point, whichever costs less.
-        ls_iterations: Largest number of slopes that a line search evaluates.
+        ls_iterations: Largest number of slopes of a line search, that at its start included.
         tolerance: Bound on the scaled improvement and on the scaled gradient norm.
         ls_tolerance: Line searches stop at a slope of `tolerance * ls_tolerance * |s| / scale`.
         scale: Makes costs and gradients dimensionless: the inverse of the trace of M, or of

@@ -1,5 +1,6 @@
 """Trees in which the joints of a body make one."""
 
+import jax
 import jax.numpy as jnp
 import mujoco
 import numpy as np
@@ -54,22 +55,15 @@ def test_a_compound_tree_has_the_same_mass_matrix(source, x64):
     mujoco.mj_integratePos(mj, data.qpos, rng.standard_normal(mj.nv), 1.0)
     mujoco.mj_forward(mj, data)
     kin, compound = kinematics(model, jnp.asarray(data.qpos)), model.structure.compound
-    matrices = np.stack([np.asarray(m) for m in _matrices(kin.inertia)])[compound.link]
+    matrices = jax.vmap(lambda inertia: inertia.as_matrix())(kin.inertia)
     force = rng.standard_normal(mj.nv)
     found, _ = articulated_solve(
         compound.tree,
         kin.cdof[compound.dof],
-        jnp.asarray(matrices),
+        matrices[compound.link],
         to_compound_order(model, dof_armature(model)),
         to_compound_order(model, jnp.asarray(force)),
     )
     momentum = np.zeros(mj.nv)
     mujoco.mj_mulM(mj, data, momentum, np.array(from_compound_order(model, found)))
     np.testing.assert_allclose(momentum, force, atol=1e-8)
-
-
-def _matrices(inertia):
-    return [
-        type(inertia)(m, h, r).as_matrix()
-        for m, h, r in zip(inertia.mass, inertia.first_moment, inertia.rotational, strict=True)
-    ]
