@@ -211,7 +211,7 @@ def _select(which, cases):
 
 
 RULES = {
-    **dict.fromkeys(("jit", "pjit", "closed_call"), jit),
+    **dict.fromkeys(("jit", "pjit", "closed_call", "own_kernel"), jit),
     "scan": scan,
     "while": while_,
     "cond": cond,

@@ -12,6 +12,7 @@ from jax import lax
 from jax.extend import core as jex
 
 from jaxsim.batch import params
+from jaxsim.batch.fusion import own_kernel_p
 
 
 def written_out(jaxpr, fixed: int):
@@ -51,7 +52,7 @@ def written_out(jaxpr, fixed: int):
 
 def _inlined_call(eqn, operands: Sequence):
     """The program of a call that need not stay one, and its operands; else None."""
-    if eqn.effects or eqn.ctx.xla_metadata:
+    if eqn.effects or eqn.ctx.xla_metadata or eqn.primitive is own_kernel_p:
         return None
     branch = params.platform_branch(eqn, "cpu")
     form = params.read(eqn) if branch is None else None

@@ -149,6 +149,7 @@ _READERS: dict[str, Callable[[dict], Any]] = {
     "jit": lambda p: Jit(program(p["jaxpr"]), p["name"]),
     "pjit": lambda p: Jit(program(p["jaxpr"]), p["name"]),
     "closed_call": lambda p: Jit(program(p["call_jaxpr"]), "closed_call"),
+    "own_kernel": lambda p: Jit(program(p["program"]), "own_kernel"),
     "remat2": _remat,
     "checkpoint": _remat,
     "custom_linear_solve": _linear_solve,
@@ -298,7 +299,10 @@ def result_type(f: Callable, *kinds):
     (result,) = jax.make_jaxpr(f)(
         *[jax.ShapeDtypeStruct(k.shape, k.dtype) for k in kinds]
     ).out_avals
-    varying = [k for k in kinds if _varying(k)]
-    if varying:
-        return result.update_manual_axis_type(varying[0].manual_axis_type)
-    return result
+    return varying_like(result, *kinds)
+
+
+def varying_like(kind, *others):
+    """The type, varying over the mesh axes of `shard_map` over which one of the others does."""
+    varying = [k for k in others if _varying(k)]
+    return kind.update_manual_axis_type(varying[0].manual_axis_type) if varying else kind

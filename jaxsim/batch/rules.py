@@ -18,7 +18,7 @@ from jax.extend import core as jex
 
 from jaxsim.batch import contract, index, linalg, params, trigonometry
 from jaxsim.batch.custom import with_jvp
-from jaxsim.batch.fusion import computed, not_inlined
+from jaxsim.batch.fusion import computed, own_kernel
 from jaxsim.batch.pieces import Pieces
 from jaxsim.batch.transposed import Transposed
 from jaxsim.solver import anywhere
@@ -101,8 +101,7 @@ def reduction(combined, lanes, eqn, values, flags):
 
 def _combined(operator, x, axes: tuple[int, ...]):
     """All entries along some axes, of an operand that is computed first."""
-    with not_inlined():
-        return _written_out(x, axes=axes, operator=operator)
+    return own_kernel(_written_out, x, axes=axes, operator=operator)
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(1,))
@@ -117,7 +116,6 @@ def _sum_jvp(axes, primals, tangents):
     return _sum(*primals, axes), jnp.sum(tangents[0], axes)
 
 
-@functools.partial(jax.jit, static_argnames=("axes", "operator"))
 def _written_out(x, *, axes: tuple[int, ...], operator):
     for first, last in reversed(_runs(axes)):
         size = math.prod(x.shape[first : last + 1])

@@ -98,3 +98,4 @@ def test_lowers_for_gpus():
         program = export.export(jax.jit(f), platforms=["cuda"])(ctrls).mlir_module()
         assert "lapack" not in program
         assert "xla_cpu" not in program
+        assert "inlineable" not in program
