@@ -16,6 +16,7 @@ from jaxsim.dynamics.rnea import generalized_force, link_accelerations, link_for
 from jaxsim.integrate import Step, integrate_step
 from jaxsim.model import Model, State
 from jaxsim.pipeline import Evaluation, constraint_scene, evaluate, smooth_dynamics
+from jaxsim.precision import full_precision
 from jaxsim.readout import read_sensors
 
 
@@ -93,6 +94,7 @@ class Forward:
     status: Status
 
 
+@full_precision
 def step(model: Model, state: State, ctrl: Float[Array, "nu"] | None = None) -> State:
     """Advance one environment by one timestep.
 
@@ -110,6 +112,7 @@ def step(model: Model, state: State, ctrl: Float[Array, "nu"] | None = None) -> 
     return whole_step(model, state, ctrl).after
 
 
+@full_precision
 def whole_step(model: Model, state: State, ctrl: Float[Array, "nu"] | None = None) -> Step:
     """`step`, and where forces were evaluated last; see `jaxsim.integrate.Step`."""
     _check_shapes(model, state, ctrl)
@@ -121,6 +124,7 @@ def whole_step(model: Model, state: State, ctrl: Float[Array, "nu"] | None = Non
     return found.replace(after=found.after.replace(qacc_warmstart=lax.stop_gradient(found.qacc)))
 
 
+@full_precision
 def forward(model: Model, state: State, ctrl: Float[Array, "nu"] | None = None) -> Forward:
     """Everything at this instant, nothing integrated: MuJoCo's `mj_forward`.
 
@@ -171,6 +175,7 @@ def forward(model: Model, state: State, ctrl: Float[Array, "nu"] | None = None) 
     )
 
 
+@full_precision
 def inverse(model: Model, state: State, qacc: Float[Array, "nv"]) -> Float[Array, "nv"]:
     """External forces that explain an acceleration, constraints included: `mj_inverse`.
 
@@ -192,6 +197,7 @@ def inverse(model: Model, state: State, qacc: Float[Array, "nv"]) -> Float[Array
     return needed - smooth.passive.qfrc_passive - found.qfrc_constraint
 
 
+@full_precision
 def rollout(model: Model, state: State, ctrls: Float[Array, "T nu"]) -> tuple[State, State]:
     """`step` over a sequence of controls, as one `lax.scan`.
 

@@ -16,8 +16,10 @@ from jaxsim.dynamics.tree import inward, outward
 from jaxsim.dynamics.velocity import from_tree_order, to_tree_order, velocities
 from jaxsim.model import Model
 from jaxsim.model.topology import Forest
+from jaxsim.precision import full_precision
 
 
+@full_precision
 def forward_dynamics(
     model: Model, qpos: Float[Array, "nq"], qvel: Float[Array, "nv"], tau: Float[Array, "nv"]
 ) -> Float[Array, "nv"]:

@@ -15,12 +15,14 @@ from jaxsim.dynamics.tendon import tendon_jacobian, tendon_length
 from jaxsim.dynamics.transmission import actuator_moment, transmission
 from jaxsim.dynamics.tree import accumulate_inward, take
 from jaxsim.model import Model
+from jaxsim.precision import full_precision
 from jaxsim.spatial import Pose
 
 _CONNECT = int(mujoco.mjtEq.mjEQ_CONNECT)
 _BODY = int(mujoco.mjtObj.mjOBJ_BODY)
 
 
+@full_precision
 def set_const(model: Model) -> Model:
     """Recompute the derived constants after masses, sizes or poses have changed.
 

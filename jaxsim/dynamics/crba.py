@@ -15,8 +15,10 @@ from jaxsim.dynamics.tree import inward
 from jaxsim.dynamics.velocity import from_tree_order, to_tree_order
 from jaxsim.model import Model
 from jaxsim.model.topology import Forest
+from jaxsim.precision import full_precision
 
 
+@full_precision
 def mass_matrix(model: Model, qpos: Float[Array, "nq"]) -> Float[Array, "nv nv"]:
     """Mass matrix in joint space, armature included; symmetric positive definite.
 

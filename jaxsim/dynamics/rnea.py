@@ -16,11 +16,13 @@ from jaxsim.dynamics.tree import accumulate_inward, accumulate_outward, sum_by, 
 from jaxsim.dynamics.velocity import Velocities, from_tree_order, to_tree_order, velocities
 from jaxsim.model import Model
 from jaxsim.model.topology import Forest
+from jaxsim.precision import full_precision
 from jaxsim.spatial import Inertia, cross_force
 
 _GRAVITY_OFF = mujoco.mjtDisableBit.mjDSBL_GRAVITY
 
 
+@full_precision
 def inverse_dynamics(
     model: Model, qpos: Float[Array, "nv"], qvel: Float[Array, "nv"], qacc: Float[Array, "nv"]
 ) -> Float[Array, "nv"]:

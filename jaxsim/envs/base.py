@@ -31,6 +31,7 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray
 from jaxsim.envs.advance import advance
 from jaxsim.envs.moment import Moment
 from jaxsim.model import Model, State
+from jaxsim.precision import full_precision
 
 
 @struct.dataclass
@@ -173,6 +174,7 @@ class Task(Env):
         state_key, draw_key = jax.random.split(key)
         return self.reset_to(self.start(state_key), self.draw(draw_key))
 
+    @full_precision
     def reset_to(self, state: State, drawn: dict[str, Any] | None = None) -> EnvState:
         """Start an episode from a given state.
 
@@ -196,6 +198,7 @@ class Task(Env):
             info=jax.tree.map(jnp.asarray, info),
         )
 
+    @full_precision
     def step(self, state: EnvState, action: Float[Array, "nu"]) -> EnvState:
         """Act for `frame_skip` time steps."""
         ctrl = self.control(action)

@@ -14,6 +14,7 @@ from jax import lax
 from jax.ad_checkpoint import checkpoint_name
 from jaxtyping import Array, Float
 
+from jaxsim.precision import full_precision
 from jaxsim.solver.operator import Lifted, Operator, Rows
 from jaxsim.solver.pcg import hessian_product
 from jaxsim.solver.problem import Problem
@@ -59,6 +60,7 @@ def _attached(y, theta):
 
 
 @_attached.defjvp
+@full_precision
 def _attached_jvp(primals, tangents):
     found, theta = primals
     problem, operator, _ = theta
