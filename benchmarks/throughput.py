@@ -3,7 +3,9 @@
 All cores for everybody: jaxsim.batch_rollout with one XLA device per core, MJX with XLA's threads,
 MuJoCo C by mujoco.rollout with one thread per core. Euler integrator, the models' other settings
 as shipped, random controls, the first keyframe (or qpos0) with a little random velocity at the
-start. MJX gets a batch of its own, `--mjx-batch`, at which it is fastest on a CPU.
+start. MJX gets a batch of its own, `--mjx-batch`, at which it is fastest on a CPU. The peer `vmap`
+is jaxsim's rollout under `jax.vmap`, with the batch first, on one device with XLA's threads: what
+the other layout would give on the device at hand.
 
 With `--envs`, environments as well: steps per second of the compiled step with automatic resets, of
 the same behind Gymnasium's VectorEnv and Brax's interface, and of Gymnasium's own vectors.
@@ -27,7 +29,7 @@ import models
 import mujoco
 import numpy as np
 
-PEERS = ("jaxsim", "mujoco", "mjx")
+PEERS = ("jaxsim", "mujoco", "mjx", "vmap")
 
 
 @dataclasses.dataclass
@@ -76,7 +78,7 @@ def _options(arguments) -> argparse.Namespace:
     parser = common.parser(__doc__, repetitions=5)
     fast = [name for name in models.MODELS if name not in ("gymnasium_humanoid", "five_humanoids")]
     parser.add_argument("--models", nargs="*", default=fast, choices=models.MODELS)
-    parser.add_argument("--peers", type=_peers, default=["mujoco"], help="mujoco,mjx (mujoco)")
+    parser.add_argument("--peers", type=_peers, default=["mujoco"], help="mujoco,mjx,vmap (mujoco)")
     parser.add_argument("--batch", type=int, default=1024, help="environments")
     parser.add_argument("--mjx-batch", type=int, default=128, help="environments for MJX")
     parser.add_argument("--steps", type=int, default=50, help="steps of a rollout")
@@ -109,7 +111,7 @@ def _model_rows(name: str, options) -> list[dict]:
     if options.iterations:
         mj.opt.iterations = options.iterations
     states = models.visited(mj, options.states)
-    build = {"jaxsim": _jaxsim, "mujoco": _mujoco, "mjx": _mjx}
+    build = {"jaxsim": _jaxsim, "mujoco": _mujoco, "mjx": _mjx, "vmap": _vmap}
     found, rows = {}, []
     for peer in ["jaxsim", *options.peers]:
         try:
@@ -140,6 +142,23 @@ def _row(peer: str, candidate: Candidate, timing, states, baseline: float | None
 
 
 def _jaxsim(mj, states, options) -> Candidate:
+    import jaxsim
+
+    return _ours(mj, states, options, jaxsim.vmap, jaxsim.batch_rollout)
+
+
+def _vmap(mj, states, options) -> Candidate:
+    import jax
+
+    import jaxsim
+
+    def rollout(model, state, ctrls):
+        return jax.vmap(lambda s, u: jaxsim.rollout(model, s, u)[0])(state, ctrls)
+
+    return _ours(mj, states, options, jax.vmap, jax.jit(rollout))
+
+
+def _ours(mj, states, options, vmap, rollout) -> Candidate:
     import jax
     import jax.numpy as jnp
 
@@ -151,11 +170,11 @@ def _jaxsim(mj, states, options) -> Candidate:
         lambda x: jnp.broadcast_to(x[None], (options.batch, *x.shape)), jaxsim.make_state(model)
     )
     state = state.replace(qpos=qpos, qvel=qvel, act=act)
-    forward = jax.jit(jaxsim.vmap(lambda s, u: jaxsim.forward(model, s, u)))
+    forward = jax.jit(vmap(lambda s, u: jaxsim.forward(model, s, u)))
     there = forward(*states.batch(model, len(states.qpos)))
 
     def run():
-        return jax.block_until_ready(jaxsim.batch_rollout(model, state, ctrls))
+        return jax.block_until_ready(rollout(model, state, ctrls))
 
     return Candidate(
         run,

@@ -6,6 +6,8 @@ import pathlib
 import subprocess
 import sys
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -105,11 +107,32 @@ def test_scaling_over_batches_and_devices(tmp_path):
 @pytest.mark.slow
 def test_throughput_of_all_cores(tmp_path):
     sizes = ("--batch", 4, "--steps", 2, "--states", 4, "--repetitions", 2)
-    run("throughput.py", "--models", "double_pendulum", *sizes, "--json", tmp_path / "out.json")
-    record = json.loads((tmp_path / "out.json").read_text())
-    assert [row["peer"] for row in record["rows"]] == ["jaxsim", "mujoco"]
-    assert all(np.isfinite(row["steps/s"]) for row in record["rows"])
-    assert record["rows"][0]["qacc error"] < 1e-3
+    peers = ("--models", "double_pendulum", "--peers", "mujoco,vmap")
+    run("throughput.py", *peers, *sizes, "--json", tmp_path / "out.json")
+    rows = {row["peer"]: row for row in json.loads((tmp_path / "out.json").read_text())["rows"]}
+    assert [*rows] == ["jaxsim", "mujoco", "vmap"]
+    assert all(np.isfinite(row["steps/s"]) for row in rows.values())
+    assert max(rows[peer]["qacc error"] for peer in ("jaxsim", "vmap")) < 1e-3
+
+
+def test_kernels_of_a_program_are_counted(monkeypatch):
+    """Those of a branch apart, and of a table only the row that is read."""
+    monkeypatch.syspath_prepend(str(SCRIPTS))
+    import gpu_programs
+
+    def rollout(x, table):
+        def body(x, row):
+            return jax.lax.cond(row[0] > 0, jnp.sin, lambda x: x, x) + row, None
+
+        return jax.lax.scan(body, x, table)[0]
+
+    x, table = jnp.zeros(1000), jnp.zeros((gpu_programs.STEPS, 1000))
+    program = gpu_programs.Program(jax.jit(rollout).lower(x, table).compile())
+    assert [program.size([kernel]) for kernel in program.inner] == [2 * x.nbytes]
+    assert program.calls == []
+    # The sum has two operands and a result; one of these may be copied.
+    sizes = [program.size([kernel]) for kernel in program.kernels]
+    assert 3 * x.nbytes <= sum(sizes) < 6 * x.nbytes < table.nbytes
 
 
 @pytest.mark.parametrize("way", ["_compiled", "_vector"])
