@@ -114,7 +114,10 @@ def compile_for_device(f, *args):
     from jax.experimental import topologies
 
     described = {"target_config": DEVICE.read_text(), "topology": "1x1x1"}
-    device = topologies.get_topology_desc("", "cuda", **described).devices[0]
+    try:
+        device = topologies.get_topology_desc("", "cuda", **described).devices[0]
+    except NotImplementedError:
+        raise SystemExit('XLA cannot compile for CUDA here: pip install "jax[cuda12]"') from None
     there = jax.sharding.SingleDeviceSharding(device)
     kind = lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype, sharding=there)  # noqa: E731
     start = time.perf_counter()

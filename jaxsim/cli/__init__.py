@@ -86,13 +86,14 @@ examples:
 _BENCH = """\
 Run a benchmark of a clone of the repository; `jaxsim bench NAME --help` lists its options.
 
-  throughput  steps per second of whole batches, beside MuJoCo C and MJX
-  scaling     the same against the size of the batch and the number of cores
-  gradients   cost, memory and accuracy of reverse mode through many steps
-  profile     the share of each stage in a step
-  solver      the constraint problem by itself
-  dynamics    the recursions by themselves
-  training    returns of trained policies against wall time
+  throughput    steps per second of whole batches, beside MuJoCo C and MJX
+  scaling       the same against the size of the batch and the number of cores
+  gradients     cost, memory and accuracy of reverse mode through many steps
+  profile       the share of each stage in a step
+  solver        the constraint problem by itself
+  dynamics      the recursions by themselves
+  training      returns of trained policies against wall time
+  gpu_programs  what a step consists of on a GPU, counted without one
 """
 
 
@@ -210,7 +211,7 @@ def _add_simulate(commands) -> None:
 
 def _add_bench(commands) -> None:
     bench = _add(commands, "bench", "run a benchmark", _BENCH)
-    names = ("throughput", "scaling", "gradients", "profile", "solver", "dynamics", "training")
+    names = "throughput scaling gradients profile solver dynamics training gpu_programs".split()
     bench.add_argument("benchmark", choices=names, help="which one")
     bench.add_argument("options", nargs=argparse.REMAINDER, help="passed on to it")
 
