@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax import export
+from oracle import quick_jit
 
 import jaxsim
 from jaxsim.batch.devices import device_mesh, split
@@ -88,14 +89,30 @@ def test_split():
     np.testing.assert_array_equal(again["jax"], rows)
 
 
-def test_lowers_for_gpus():
-    """Rollout and gradient as programs for CUDA, which nothing meant for CPUs is part of."""
+def _for_gpus(f, ctrls):
+    """The program for CUDA, in which nothing is that only other devices have."""
+    unchecked = [export.DisabledSafetyCheck.platform()]  # it will be run on a CPU
+    program = export.export(jax.jit(f), platforms=["cuda"], disabled_checks=unchecked)(ctrls)
+    text = program.mlir_module()
+    assert not [word for word in ("lapack", "xla_cpu", "inlineable") if word in text]
+    return program.call
+
+
+@pytest.mark.parametrize("quantity", ["rollout", pytest.param("gradient", marks=pytest.mark.slow)])
+def test_programs_for_gpus(quantity):
+    """The programs for CUDA, run on a CPU, give what those for a CPU give, up to rounding."""
     model = jaxsim.load("hopper")
     states = jax.tree.map(lambda x: jnp.stack([x, x]), jaxsim.make_state(model))
     rollout = lambda ctrls: jaxsim.batch_rollout(model, states, ctrls)  # noqa: E731
-    ctrls = jnp.zeros((2, STEPS, model.nu))
-    for f in rollout, jax.grad(lambda ctrls: jnp.sum(rollout(ctrls).qpos)):
-        program = export.export(jax.jit(f), platforms=["cuda"])(ctrls).mlir_module()
-        assert "lapack" not in program
-        assert "xla_cpu" not in program
-        assert "inlineable" not in program
+    loss = lambda ctrls: jnp.sum(rollout(ctrls).qpos ** 2)  # noqa: E731
+    f = rollout if quantity == "rollout" else jax.grad(loss)
+    ctrls = jax.random.normal(jax.random.key(0), (2, 10, model.nu))
+    found, expected = quick_jit(_for_gpus(f, ctrls))(ctrls), quick_jit(f)(ctrls)
+    for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(expected), strict=True):
+        scale = jnp.max(jnp.abs(b), initial=1e-3)
+        np.testing.assert_allclose(a, b, rtol=0, atol=1e-3 * scale)
+
+
+def test_gradients_lower_for_gpus(scene):
+    model, states, ctrls = scene
+    _for_gpus(jax.grad(lambda u: jnp.sum(jaxsim.batch_rollout(model, states, u).qpos)), ctrls)
