@@ -108,14 +108,6 @@ def make_line(
     )
 
 
-def full_step(line: Line) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """The step 1 and `phi(0) - phi(1)`, or zeros where phi is larger there."""
-    one = jnp.ones_like(line.bend)
-    change = line.change(one)
-    worse = change > line.rounding
-    return jnp.where(worse, 0.0, one), jnp.where(worse, 0.0, -change)
-
-
 class _Search(NamedTuple):
     alpha: Float[Array, ""]  # the next point to try; once done, the result
     low: Float[Array, ""]  # the largest known point with a negative slope

@@ -2,11 +2,10 @@
 
 The loop is MuJoCo's: step along `s = H^-1 (-gradient)` with the Hessian `H = M + J^T W J` of the
 current zones, stop when the scaled improvement or the scaled gradient falls below the tolerance.
-It starts at the warm start. MuJoCo takes the unconstrained point instead where that costs less, for
-which it must be known, at the price of another solve. Without active rows one step ends there, so
-that is done only where there is a single step, whose result depends on its start.
+It begins at the warm start or at the unconstrained point, whichever costs less, so that a loop cut
+short ends where MuJoCo's does, too.
 Where no row changes zone along the full step, that step ends at the minimum: nothing is searched
-for, and the solve is over. The first step is tried in full, before the loop, for that reason.
+for, and the solve is over.
 Two things are added. A step that is not finite is refused and ends the loop. And when a step gains
 no more than rounding and the gradient no longer shrinks, the loop ends whatever the tolerance.
 """
@@ -19,7 +18,7 @@ from flax import struct
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsim.solver.line_search import full_step, line_search, make_line
+from jaxsim.solver.line_search import line_search, make_line
 from jaxsim.solver.operator import Lifted, Operator
 from jaxsim.solver.problem import Problem
 
@@ -100,9 +99,9 @@ def solve(
         problem: The blocks of constraint rows.
         operator: Mass matrix and Jacobian.
         force: All forces but those of constraints.
-        x_start: Where to begin; zeros if it is not finite, the unconstrained point if it is None.
-        iterations: Largest number of Newton steps. With 1 there is no loop, and the step begins at
-            x_start or at the unconstrained point, whichever costs less.
+        x_start: Where to begin, unless the unconstrained point costs less; zeros if it is not
+            finite, the unconstrained point if it is None.
+        iterations: Largest number of Newton steps. With none the result is x_start.
         ls_iterations: Largest number of slopes of a line search, that at its start included.
         tolerance: Bound on the scaled improvement and on the scaled gradient norm.
         ls_tolerance: Line searches stop at a slope of `tolerance * ls_tolerance * |s| / scale`.
@@ -132,7 +131,7 @@ def _start(search: _Search, x: Float[Array, "nv"] | None, iterations: int) -> Li
     if x is None:
         return operator.unconstrained(search.force)
     given = operator.lift(jnp.where(jnp.all(jnp.isfinite(x)), x, 0.0))
-    if iterations > 1:
+    if iterations == 0:
         return given
     smooth = operator.unconstrained(search.force)
     both = jax.tree.map(lambda a, b: jnp.stack([a, b]), given, smooth)
@@ -148,16 +147,13 @@ def _run(search: _Search, y: Lifted, iterations: int) -> _Iterate:
         return state
     if iterations == 1:
         return _step(search, state)
-    # Most solves in a simulation are over after a full step: for them no loop need run.
     return lax.while_loop(
-        lambda s: ~s.done & (s.count < iterations),
-        lambda s: _step(search, s),
-        _step(search, state, full=True),
+        lambda s: ~s.done & (s.count < iterations), lambda s: _step(search, s), state
     )
 
 
-def _step(search: _Search, state: _Iterate, full: bool = False) -> _Iterate:
-    """One Newton step with its line search, or the full step, if that improves."""
+def _step(search: _Search, state: _Iterate) -> _Iterate:
+    """One Newton step with its line search."""
     problem, operator = search.problem, search.operator
     residual = lax.optimization_barrier(_residual(search, state.y))
     gradient = _norm(residual)
@@ -168,18 +164,14 @@ def _step(search: _Search, state: _Iterate, full: bool = False) -> _Iterate:
     ys = operator.solve(curvatures, residual)
     line = make_line(problem, operator, search.force, residual, state.y, ys)
     length = _norm(operator.vector(ys))
-    if full:
-        found = full_step(line)
-    else:
-        slope = search.tolerance * search.ls_tolerance * length / search.scale
-        found = line_search(line, slope, search.ls_iterations, state.done | over)
+    slope = search.tolerance * search.ls_tolerance * length / search.scale
+    found = line_search(line, slope, search.ls_iterations, state.done | over)
     # Without barriers these would be computed again for every number of the points.
     alpha, improvement = lax.optimization_barrier(found)
     finite = over | (jnp.isfinite(length) & jnp.isfinite(improvement))
     moved = lax.optimization_barrier(finite & (alpha > 0) & ~over)
     y = jax.tree.map(lambda a, b: a + alpha * b, state.y, ys)
     small = (search.scale * improvement < search.tolerance) & (improvement > 0)
-    given_up = over | ~finite | jnp.asarray(not full)
     return _Iterate(
         y=_where(moved, y, state.y),
         gradient=gradient,
@@ -187,7 +179,7 @@ def _step(search: _Search, state: _Iterate, full: bool = False) -> _Iterate:
         exhausted=jnp.maximum(improvement, state.improvement) <= line.cost_rounding,
         count=state.count + moved,
         finite=finite,
-        done=jnp.where(moved, small | line.is_quadratic(), given_up),
+        done=~moved | small | line.is_quadratic(),
     )
 
 

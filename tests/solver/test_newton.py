@@ -72,8 +72,9 @@ def test_complementarity_of_unilateral_rows(x64, random_case, solve_tight):
 
 def test_the_cost_falls_with_every_iteration(x64, random_case, solve_tight):
     args = random_case(2)
+    first = solve_tight(*args, iterations=1).x  # better than where that began
     counts = 0, 1, 4, 100
-    states = [solve_tight(*args, iterations=count).status for count in counts]
+    states = [solve_tight(*args, first, iterations=count).status for count in counts]
     assert [state.iterations for state in states[:3]] == [0, 1, 4]
     costs = [float(state.cost) for state in states]
     assert costs == sorted(costs, reverse=True)
@@ -163,15 +164,16 @@ def test_all_rows_inactive(x64, random_case, solve_tight):
     off = jax.tree.map(jnp.zeros_like, problem)
     solution = solve_tight(off, operator, force)
     np.testing.assert_allclose(operator.mass @ solution.x, force, atol=1e-12)
-    assert solution.status.iterations == 1
+    assert solution.status.iterations <= 1
 
 
-def test_a_single_step_begins_where_it_costs_less(x64, random_case, solve_tight):
+@pytest.mark.parametrize("iterations", [1, 3])
+def test_the_loop_begins_where_it_costs_less(x64, random_case, solve_tight, iterations):
     """At the given point or at the unconstrained one, as in MuJoCo."""
     problem, operator, force = random_case(2)
     smooth = operator.vector(operator.unconstrained(force))
     good = solve_tight(problem, operator, force).x
-    one = lambda x: solve_tight(problem, operator, force, x, iterations=1).x  # noqa: E731
-    np.testing.assert_allclose(one(good + 1e3), one(smooth), rtol=1e-12)
-    np.testing.assert_allclose(one(good), good, atol=1e-10)
-    assert np.abs(one(smooth) - good).max() > 1e-3
+    end = lambda x: solve_tight(problem, operator, force, x, iterations=iterations).x  # noqa: E731
+    np.testing.assert_allclose(end(good + 1e3), end(smooth), rtol=1e-12)
+    np.testing.assert_allclose(end(good), good, atol=1e-10)
+    assert np.abs(end(smooth) - good).max() > 1e-6
