@@ -38,12 +38,17 @@ def own_kernel(f: Callable, x, **options):
     Its derivatives are those of f and no kernels of their own. `f` takes and returns one array, and
     the options are hashable.
     """
-    kind = jax.ShapeDtypeStruct(x.shape, x.dtype)
-    return own_kernel_p.bind(x, program=_program(f, kind, tuple(options.items())))
+    kind = params.element(x, None)
+    # A value that varies over the devices of a `jax.shard_map` is traced as it is.
+    trace = _program.__wrapped__ if kind is x else _program
+    mesh = jax.sharding.get_abstract_mesh()
+    return own_kernel_p.bind(x, program=trace(f, kind, tuple(options.items()), mesh))
 
 
 @functools.lru_cache(maxsize=1024)
-def _program(f: Callable, kind: jax.ShapeDtypeStruct, options: tuple):
+def _program(f: Callable, kind, options: tuple, mesh):
+    """The function's program; within `jax.shard_map` its types name the mesh, that of now."""
+    del mesh
     return jax.make_jaxpr(functools.partial(f, **dict(options)))(kind)
 
 

@@ -9,6 +9,7 @@ import pytest
 from jax import export
 from vmap_compare import assert_same
 
+from jaxsim.batch.devices import AXIS, device_mesh
 from jaxsim.batch.fusion import computed, own_kernel
 
 
@@ -62,3 +63,16 @@ def test_only_cpus_keep_the_call():
     program = lambda p: export.export(jax.jit(_soft), platforms=[p])(POINT).mlir_module()  # noqa: E731
     called = {p: "inlineable" in program(p) for p in ("cpu", "cuda", "tpu")}
     assert called == {"cpu": True, "cuda": False, "tpu": False}
+
+
+@pytest.mark.parametrize("check_vma", [True, False])
+def test_on_one_mesh_after_the_other(check_vma):
+    """The program of a function for one mesh is not that for another."""
+    rows = np.linspace(-1, 1, 8).reshape(4, 2)
+    for count in (1, 2, 1):
+        mesh, spec = device_mesh(jax.devices()[:count]), jax.P(AXIS)
+        split = jax.shard_map(
+            jax.vmap(_soft), mesh=mesh, in_specs=spec, out_specs=spec, check_vma=check_vma
+        )
+        expected = jax.vmap(lambda x: _softened(x, scale=1.5))(rows)
+        np.testing.assert_allclose(jax.jit(split)(rows), expected, rtol=1e-14)
