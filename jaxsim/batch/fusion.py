@@ -9,6 +9,7 @@ most of the time; so for other platforms nothing of this is part of the program.
 
 import functools
 from collections.abc import Callable
+from typing import Any
 
 import jax
 from jax.experimental.xla_metadata import set_xla_metadata
@@ -38,7 +39,7 @@ def own_kernel(f: Callable, x, **options):
     Its derivatives are those of f and no kernels of their own. `f` takes and returns one array, and
     the options are hashable.
     """
-    kind = params.element(x, None)
+    kind: Any = params.element(x, None)
     # A value that varies over the devices of a `jax.shard_map` is traced as it is.
     trace = _program.__wrapped__ if kind is x else _program
     mesh = jax.sharding.get_abstract_mesh()
