@@ -164,11 +164,11 @@ def test_all_rows_inactive(x64, random_case, solve_tight):
     off = jax.tree.map(jnp.zeros_like, problem)
     solution = solve_tight(off, operator, force)
     np.testing.assert_allclose(operator.mass @ solution.x, force, atol=1e-12)
-    assert solution.status.iterations <= 1
+    assert solution.status.iterations == 1
 
 
-@pytest.mark.parametrize("iterations", [1, 3])
-def test_the_loop_begins_where_it_costs_less(x64, random_case, solve_tight, iterations):
+@pytest.mark.parametrize(("iterations", "left"), [(1, 1e-3), (3, 1e-6)])
+def test_the_loop_begins_where_it_costs_less(x64, random_case, solve_tight, iterations, left):
     """At the given point or at the unconstrained one, as in MuJoCo."""
     problem, operator, force = random_case(2)
     smooth = operator.vector(operator.unconstrained(force))
@@ -176,4 +176,4 @@ def test_the_loop_begins_where_it_costs_less(x64, random_case, solve_tight, iter
     end = lambda x: solve_tight(problem, operator, force, x, iterations=iterations).x  # noqa: E731
     np.testing.assert_allclose(end(good + 1e3), end(smooth), rtol=1e-12)
     np.testing.assert_allclose(end(good), good, atol=1e-10)
-    assert np.abs(end(smooth) - good).max() > 1e-6
+    assert np.abs(end(smooth) - good).max() > left
