@@ -75,16 +75,10 @@ def _jaxsim(mj, batch: int, last: bool):
     import jaxsim
 
     model = jaxsim.load(mj)
-
-    def rollout(state, ctrls):
-        step = functools.partial(jaxsim.step, model)
-        return jax.lax.scan(lambda s, u: (step(s, u), None), state, ctrls)[0]
-
+    rollout = _rollout(functools.partial(jaxsim.step, model))
+    states = models.repeated(jaxsim.make_state(model), batch)
     vmap = jaxsim.vmap if last else jax.vmap
-    return vmap(rollout), (
-        _repeated(jaxsim.make_state(model), batch),
-        jnp.zeros((batch, STEPS, model.nu)),
-    )
+    return vmap(rollout), (states, jnp.zeros((batch, STEPS, mj.nu)))
 
 
 def _mjx(mj, batch: int):
@@ -93,19 +87,14 @@ def _mjx(mj, batch: int):
     from mujoco import mjx
 
     model, data = mjx.put_model(mj, impl="jax"), mjx.make_data(mj, impl="jax")
-
-    def rollout(data, ctrls):
-        step = functools.partial(mjx.step, model)
-        return jax.lax.scan(lambda d, u: (step(d.replace(ctrl=u)), None), data, ctrls)[0]
-
-    return jax.vmap(rollout), (_repeated(data, batch), jnp.zeros((batch, STEPS, mj.nu)))
+    rollout = _rollout(lambda d, u: mjx.step(model, d.replace(ctrl=u)))
+    return jax.vmap(rollout), (models.repeated(data, batch), jnp.zeros((batch, STEPS, mj.nu)))
 
 
-def _repeated(tree, batch: int):
+def _rollout(step):
     import jax
-    import jax.numpy as jnp
 
-    return jax.tree.map(lambda x: jnp.broadcast_to(x, (batch, *jnp.shape(x))), tree)
+    return lambda state, ctrls: jax.lax.scan(lambda s, u: (step(s, u), None), state, ctrls)[0]
 
 
 def compile_for_device(f, *args):

@@ -56,15 +56,12 @@ class States:
 
     def batch(self, model, lanes: int):
         """`lanes` states and controls of jaxsim, repeated from the start where there are fewer."""
-        import jax
         import jax.numpy as jnp
 
         import jaxsim
 
         index = np.arange(lanes) % len(self.qpos)
-        state = jax.tree.map(
-            lambda x: jnp.broadcast_to(x[None], (lanes, *x.shape)), jaxsim.make_state(model)
-        )
+        state = repeated(jaxsim.make_state(model), lanes)
         as_float = lambda x: jnp.asarray(x[index], state.qpos.dtype)  # noqa: E731
         state = state.replace(
             qpos=as_float(self.qpos),
@@ -73,6 +70,14 @@ class States:
             qacc_warmstart=as_float(self.warmstart),
         )
         return state, as_float(self.ctrl)
+
+
+def repeated(tree, lanes: int):
+    """A tree of arrays, with a leading axis of so many copies."""
+    import jax
+    import jax.numpy as jnp
+
+    return jax.tree.map(lambda x: jnp.broadcast_to(x, (lanes, *jnp.shape(x))), tree)
 
 
 def visited(mj: mujoco.MjModel, count: int, seed: int = 0) -> States:

@@ -166,9 +166,7 @@ def _ours(mj, states, options, vmap, rollout) -> Candidate:
 
     model = jaxsim.load(mj)
     qpos, qvel, act, ctrls = (jnp.asarray(x) for x in _start(mj, options.batch, options.steps))
-    state = jax.tree.map(
-        lambda x: jnp.broadcast_to(x[None], (options.batch, *x.shape)), jaxsim.make_state(model)
-    )
+    state = models.repeated(jaxsim.make_state(model), options.batch)
     state = state.replace(qpos=qpos, qvel=qvel, act=act)
     forward = jax.jit(vmap(lambda s, u: jaxsim.forward(model, s, u)))
     there = forward(*states.batch(model, len(states.qpos)))

@@ -40,10 +40,11 @@ def own_kernel(f: Callable, x, **options):
     the options are hashable.
     """
     kind: Any = params.element(x, None)
-    # A value that varies over the devices of a `jax.shard_map` is traced as it is.
-    trace = _program.__wrapped__ if kind is x else _program
-    mesh = jax.sharding.get_abstract_mesh()
-    return own_kernel_p.bind(x, program=trace(f, kind, tuple(options.items()), mesh))
+    if kind is x:  # it varies over the devices of a `jax.shard_map`, and is traced as it is
+        program = jax.make_jaxpr(functools.partial(f, **options))(x)
+    else:
+        program = _program(f, kind, tuple(options.items()), jax.sharding.get_abstract_mesh())
+    return own_kernel_p.bind(x, program=program)
 
 
 @functools.lru_cache(maxsize=1024)
@@ -72,8 +73,9 @@ def _transpose(cotangent, x, *, program):
 
 def _batch(values, axes, *, program):
     """`jax.vmap` of the function, batch first."""
-    f = jax.vmap(jex.jaxpr_as_fun(program), axes)
-    return own_kernel(lambda x: f(x)[0], values[0]), 0
+    f = jax.vmap(functools.partial(_evaluate, program=program), axes)
+    batched = jax.make_jaxpr(f)(params.element(values[0], None))
+    return own_kernel_p.bind(values[0], program=batched), 0
 
 
 def _evaluate(x, *, program):
