@@ -8,10 +8,10 @@ import jax
 import jax.numpy as jnp
 from flax import struct
 from jax import lax
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from jaxsim.constraint.jacobian import LinkRows
-from jaxsim.constraint.links import Links, add_at, gather, moves
+from jaxsim.constraint.links import Links, add_at, gather, items, moves
 from jaxsim.dynamics.components import ALL, Components
 from jaxsim.model.compound import Compound
 from jaxsim.model.topology import Forest
@@ -97,6 +97,11 @@ class ContactRows:
         """Links have other numbers."""
         sides = tuple(Side(s.arm, s.link.renumbered(compound.node), s.sign) for s in self.sides)
         return ContactRows(self.frame, sides, self.condim)
+
+    def items(self, index: Int[Array, "k"]) -> "ContactRows":
+        """The contacts with an index."""
+        sides = tuple(Side(items(s.arm, index), s.link.items(index), s.sign) for s in self.sides)
+        return ContactRows(items(self.frame, index), sides, self.condim)
 
     def _map(self, arm: Float[Array, "n 3"]) -> Float[Array, "n condim 6"]:
         """From a link's motion to the rows: the wrenches that the rows' unit forces are."""

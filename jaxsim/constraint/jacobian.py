@@ -18,7 +18,7 @@ from flax import struct
 from jax import lax
 from jaxtyping import Array, Float
 
-from jaxsim.constraint.links import Links, add_at, gather, moves
+from jaxsim.constraint.links import Links, add_at, gather, items, moves
 from jaxsim.dynamics.components import Components, restrict
 from jaxsim.dynamics.tree import sum_by, take
 from jaxsim.model.compound import Compound
@@ -178,6 +178,11 @@ class LinkRows:
     def renumbered(self, compound):
         """Links have other numbers."""
         return LinkRows(tuple((G, link.renumbered(compound.node)) for G, link in self.sides))
+
+    def items(self, index):
+        """Those with an index."""
+        sides = tuple((items(G, index), link.items(index)) for G, link in self.sides)
+        return LinkRows(sides)
 
     def _sum(self, f):
         parts = [f(G, link) for G, link in self.sides]

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, Shaped
 
 from jaxsim.dynamics.tree import sum_by, take
 from jaxsim.model.topology import Forest
@@ -37,10 +37,20 @@ class Links:
             return Links(None, jnp.asarray(node)[self.traced])
         return Links.of(node[np.array(self.static, int)])
 
+    def items(self, index: Int[Array, "k"]) -> "Links":
+        """Those with an index, which is known at run time."""
+        known = jnp.asarray(self.static) if self.traced is None else self.traced
+        return Links(None, items(known, index))
+
     @property
     def may_move(self) -> bool:
         """False if it is known that none of them moves."""
         return self.static is None or any(i >= 0 for i in self.static)
+
+
+def items(x: Shaped[Array, "n ..."], index: Int[Array, "k"]) -> Shaped[Array, "k ..."]:
+    """`x[index]`, where what is beyond the last is the last."""
+    return jnp.take(x, index, axis=0, mode="clip")
 
 
 def gather(x: Float[Array, "njnt ..."], links: Links) -> Float[Array, "n ..."]:

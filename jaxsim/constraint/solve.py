@@ -1,14 +1,18 @@
 """The constrained acceleration: all rows assembled, one convex problem solved."""
 
+import functools
+
 import jax.numpy as jnp
 import mujoco
 from flax import struct
+from jax import lax
 from jaxtyping import Array, Float
 
 from jaxsim.collision import Contact
 from jaxsim.constraint.block import Block
 from jaxsim.constraint.contact import contact_blocks, contact_forces
 from jaxsim.constraint.equality import equality_blocks
+from jaxsim.constraint.few import with_few_contacts
 from jaxsim.constraint.friction import friction_blocks
 from jaxsim.constraint.limit import limit_blocks
 from jaxsim.constraint.operators import from_compound_order, make_operator, to_compound_order
@@ -81,17 +85,17 @@ def constrained_acceleration(
         status = _unconstrained_status(-0.5 * force @ operator.vector(y))
         return _outcome(scene, contact, blocks, operator, y, status)
     warm = not model.opt.disabled(_WARMSTART_OFF)
-    found = solve(
-        problem,
-        operator,
-        force,
-        to_compound_order(model, qacc_warmstart) if warm else None,
+    minimise = functools.partial(
+        solve,
+        force=force,
+        x_start=to_compound_order(model, qacc_warmstart) if warm else None,
         iterations=model.opt.iterations,
         ls_iterations=model.opt.ls_iterations,
         tolerance=model.opt.tolerance,
         ls_tolerance=model.opt.ls_tolerance,
         scale=1 / (model.stat.meaninertia * max(1, model.nv)),
     )
+    found = with_few_contacts(minimise, *lax.stop_gradient((problem, operator)))
     y = attach_lifted(found.x, problem, operator, force)
     return _outcome(scene, contact, blocks, operator, y, found.status)
 

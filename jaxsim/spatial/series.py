@@ -39,7 +39,7 @@ _COTANGENT_DEFECT = (
 
 def horner(coefficients: tuple[float, ...], x: Float[Array, ""]) -> Float[Array, ""]:
     """Polynomial in ``x`` with the given coefficients, the constant first."""
-    total = coefficients[-1] * jnp.ones_like(x)
+    total = jnp.full_like(x, coefficients[-1])
     for coefficient in reversed(coefficients[:-1]):
         total = total * x + coefficient
     return total

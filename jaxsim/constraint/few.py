@@ -1,0 +1,80 @@
+"""A solve without the contacts that cannot push, where few can.
+
+A model has a slot for every contact that it may have, and most are empty. What a solver does with a
+slot costs a batch the same, empty or not. So slots that are empty in all of a batch are left out
+where the others are few.
+"""
+
+from collections.abc import Callable
+from typing import TypeVar
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Bool, Int
+
+from jaxsim.constraint.contact_rows import ContactRows
+from jaxsim.constraint.jacobian import Jacobian, LinkRows
+from jaxsim.constraint.links import items
+from jaxsim.constraint.operators import TreeOperator
+from jaxsim.solver import Kind, Problem, anywhere
+
+FEW = 8  # slots that are kept
+MANY = 12  # slots of which so few repay a second program
+
+T = TypeVar("T")
+
+
+def with_few_contacts(
+    run: Callable[[Problem, TreeOperator], T],
+    problem: Problem,
+    operator: TreeOperator,
+) -> T:
+    """`run(problem, operator)`, on a CPU with at most `FEW` contacts of each kind if that is all.
+
+    Other than articulated solves cost so much more than their contacts that it would not pay.
+
+    Args:
+      run: what does not depend on contacts with `D = 0`.
+      problem: the blocks of rows.
+      operator: with their Jacobians.
+    """
+    pairs = enumerate(zip(operator.jacobians, problem.blocks, strict=True))
+    many = [i for i, (J, kind) in pairs if _is_of_links(J) and len(kind.aref) >= MANY]
+    if operator.strategy != "articulated" or not many:
+        return run(problem, operator)
+
+    def either(problem, operator):
+        pushing = {i: _pushing(problem.blocks[i]) for i in many}
+        few = jnp.all(jnp.stack([jnp.sum(p) <= FEW for p in pushing.values()]))
+        shortened = lambda: run(*_shortened(problem, operator, pushing))  # noqa: E731
+        return lax.cond(few, shortened, lambda: run(problem, operator))
+
+    return lax.platform_dependent(problem, operator, cpu=either, default=run)
+
+
+def _is_of_links(J: Jacobian) -> bool:
+    return isinstance(J, ContactRows | LinkRows)
+
+
+def _pushing(kind: Kind) -> Bool[Array, "n"]:
+    """Which items may push, anywhere in a batch."""
+    return anywhere(jnp.any(kind.D != 0, axis=tuple(range(1, kind.D.ndim))))
+
+
+def _shortened(problem: Problem, operator: TreeOperator, pushing: dict[int, Array]):
+    """The problem with the first items that push of some blocks."""
+    kinds, jacobians = list(problem.blocks), list(operator.jacobians)
+    for i, these in pushing.items():
+        rank = jnp.cumsum(these)
+        item = jnp.arange(FEW)
+        index = jnp.sum(rank[None] <= item[:, None], axis=1)  # the first of each rank
+        kinds[i] = _kept(kinds[i], index, item < rank[-1])
+        jacobians[i] = jacobians[i].items(index)
+    return Problem(tuple(kinds)), operator.replace(jacobians=tuple(jacobians))
+
+
+def _kept(kind: Kind, index: Int[Array, "k"], exists: Bool[Array, "k"]) -> Kind:
+    kind = jax.tree.map(lambda x: items(x, index), kind)
+    exists = exists.reshape(-1, *(1,) * (kind.D.ndim - 1))
+    return kind.replace(D=jnp.where(exists, kind.D, 0))
