@@ -97,7 +97,8 @@ def test_derivatives_are_those_of_the_whole_problem():
         return jaxsim.forward(model, state.replace(qvel=qvel), jnp.zeros(0)).qacc
 
     def derivative():
-        return quick_jit(jax.vmap(jax.jacrev(qacc)))(state.qvel, state)
+        pull = lambda v, s: jax.vjp(lambda v: qacc(v, s), v)[1](jnp.ones_like(v))  # noqa: E731
+        return quick_jit(jax.vmap(pull))(state.qvel, state)
 
     got = derivative()
     with pytest.MonkeyPatch.context() as patch:
