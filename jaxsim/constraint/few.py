@@ -5,6 +5,7 @@ slot costs a batch the same, empty or not. So slots that are empty in all of a b
 where the others are few.
 """
 
+import functools
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -17,7 +18,7 @@ from jaxsim.constraint.contact_rows import ContactRows
 from jaxsim.constraint.jacobian import Jacobian, LinkRows
 from jaxsim.constraint.links import items
 from jaxsim.constraint.operators import TreeOperator
-from jaxsim.solver import Kind, Problem, anywhere
+from jaxsim.solver import Kind, Problem, place, pushing
 
 FEW = 8  # slots that are kept
 MANY = 12  # slots of which so few repay a second program
@@ -45,9 +46,9 @@ def with_few_contacts(
         return run(problem, operator)
 
     def either(problem, operator):
-        pushing = {i: _pushing(problem.blocks[i]) for i in many}
-        few = jnp.all(jnp.stack([jnp.sum(p) <= FEW for p in pushing.values()]))
-        shortened = lambda: run(*_shortened(problem, operator, pushing))  # noqa: E731
+        ranks = {i: jnp.cumsum(pushing(problem.blocks[i].D)) for i in many}
+        few = jnp.all(jnp.stack([rank[-1] <= FEW for rank in ranks.values()]))
+        shortened = lambda: run(*_shortened(problem, operator, ranks))  # noqa: E731
         return lax.cond(few, shortened, lambda: run(problem, operator))
 
     return lax.platform_dependent(problem, operator, cpu=either, default=run)
@@ -57,18 +58,12 @@ def _is_of_links(J: Jacobian) -> bool:
     return isinstance(J, ContactRows | LinkRows)
 
 
-def _pushing(kind: Kind) -> Bool[Array, "n"]:
-    """Which items may push, anywhere in a batch."""
-    return anywhere(jnp.any(kind.D != 0, axis=tuple(range(1, kind.D.ndim))))
-
-
-def _shortened(problem: Problem, operator: TreeOperator, pushing: dict[int, Array]):
+def _shortened(problem: Problem, operator: TreeOperator, ranks: dict[int, Array]):
     """The problem with the first items that push of some blocks."""
     kinds, jacobians = list(problem.blocks), list(operator.jacobians)
-    for i, these in pushing.items():
-        rank = jnp.cumsum(these)
-        item = jnp.arange(FEW)
-        index = jnp.sum(rank[None] <= item[:, None], axis=1)  # the first of each rank
+    item = jnp.arange(FEW)
+    for i, rank in ranks.items():
+        index = jax.vmap(functools.partial(place, rank))(item)
         kinds[i] = _kept(kinds[i], index, item < rank[-1])
         jacobians[i] = jacobians[i].items(index)
     return Problem(tuple(kinds)), operator.replace(jacobians=tuple(jacobians))

@@ -23,7 +23,7 @@ from jaxsim.dynamics.components import Components, restrict
 from jaxsim.dynamics.tree import sum_by, take
 from jaxsim.model.compound import Compound
 from jaxsim.model.topology import Forest
-from jaxsim.solver import anywhere, weighed
+from jaxsim.solver import place, pushing, weighed
 
 
 class Jacobian(Protocol):
@@ -211,16 +211,16 @@ def _add_all(H, J, W):
 
 
 def _add_pushing(H, J, W):
-    pushing = anywhere(jnp.any(W != 0, axis=tuple(range(1, W.ndim))))
-    rank = jnp.cumsum(pushing)
+    pushes = pushing(W)
+    rank = jnp.cumsum(pushes)
 
     def add(i, H):
-        k = jnp.sum(rank <= i)  # the i-th that pushes
+        k = place(rank, i)
         rows, weights = (lax.dynamic_index_in_dim(x, k, keepdims=False) for x in (J, W))
         rows, WJ = jnp.atleast_2d(rows, weighed(weights, rows))
         return H + rows.T @ WJ
 
-    return lax.fori_loop(0, jnp.sum(pushing), add, H)
+    return lax.fori_loop(0, jnp.sum(pushes), add, H)
 
 
 def _flat(rows: Float[Array, "*rows nv"]) -> Float[Array, "n nv"]:

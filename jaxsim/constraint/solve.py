@@ -95,6 +95,7 @@ def constrained_acceleration(
         ls_tolerance=model.opt.ls_tolerance,
         scale=1 / (model.stat.meaninertia * max(1, model.nv)),
     )
+    # `solve` stops derivatives; what comes before it need not take any either.
     found = with_few_contacts(minimise, *lax.stop_gradient((problem, operator)))
     y = attach_lifted(found.x, problem, operator, force)
     return _outcome(scene, contact, blocks, operator, y, found.status)

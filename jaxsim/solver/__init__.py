@@ -1,6 +1,6 @@
 """Convex constraint solver: cost kinds, Newton's method, implicit derivatives. No robots here."""
 
-from jaxsim.solver.anywhere import anywhere
+from jaxsim.solver.anywhere import anywhere, place, pushing
 from jaxsim.solver.elliptic_cone import EllipticCone
 from jaxsim.solver.huber import Huber
 from jaxsim.solver.implicit import SOLUTION, attach, attach_lifted
@@ -30,6 +30,8 @@ __all__ = [
     "hessian_product",
     "pcg",
     "pcg_solve",
+    "place",
+    "pushing",
     "solve",
     "weighed",
 ]

@@ -7,7 +7,7 @@ and expensive one is better entered by all as soon as one needs it, and else by 
 import jax.numpy as jnp
 from jax.extend import core as jex
 from jax.interpreters import ad, batching, mlir
-from jaxtyping import Array, Bool
+from jaxtyping import Array, Bool, Float, Int
 
 anywhere_p = jex.Primitive("anywhere")
 
@@ -18,6 +18,21 @@ def anywhere(x: Bool[Array, "*n"]) -> Bool[Array, "*n"]:
     To be used only where the answer changes how something is computed, not what.
     """
     return anywhere_p.bind(x)
+
+
+def pushing(W: Float[Array, "n ..."]) -> Bool[Array, "n"]:
+    """Which of n rows or contacts have a weight that is not zero, anywhere in a batch."""
+    return anywhere(jnp.any(W != 0, axis=tuple(range(1, W.ndim))))
+
+
+def place(rank: Int[Array, "n"], i: Int[Array, ""]) -> Int[Array, ""]:
+    """Where the i-th that is true stands, counted from zero; n if there are not so many.
+
+    Args:
+      rank: the cumulative sum of what is true.
+      i: which of them.
+    """
+    return jnp.sum(rank <= i)
 
 
 def _batch(values, axes):

@@ -7,7 +7,7 @@ import pytest
 from jax import lax
 
 import jaxsim
-from jaxsim.solver import anywhere
+from jaxsim.solver import anywhere, place, pushing
 
 
 def larger(x):
@@ -75,3 +75,14 @@ def test_in_a_loop():
     x = jnp.array([0.5, -3.0])
     np.testing.assert_array_equal(jaxsim.vmap(f)(x), x - 12)
     np.testing.assert_array_equal(jax.vmap(f)(x), x - 12)
+
+
+def test_pushing_and_place_find_what_has_a_weight_anywhere():
+    W = jnp.zeros((2, 5, 3)).at[0, 1, 2].set(-1.0).at[1, 3, 0].set(2.0).at[1, 1].set(1.0)
+
+    def found(W):
+        rank = jnp.cumsum(pushing(W))
+        return jax.vmap(lambda i: place(rank, i))(jnp.arange(3))
+
+    np.testing.assert_array_equal(jax.vmap(found)(W), [[1, 3, 5]] * 2)
+    np.testing.assert_array_equal(found(W[0]), [1, 5, 5])
