@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from jax.extend import core as jex
 
 from jaxsim.batch import params
-from jaxsim.solver.anywhere import anywhere_p
+from jaxsim.solver.anywhere import anywhere_p, in_lanes_p
 
 Flags = list[bool]
 
@@ -31,7 +31,7 @@ def program_flags(program: params.Program, flags: Sequence[bool]) -> Flags:
 def equation_flags(eqn, flags: Sequence[bool]) -> Flags:
     """Flags of an equation's results, from those of its operands."""
     flags = list(flags)
-    if not any(flags) or eqn.primitive is anywhere_p:
+    if not any(flags) or eqn.primitive in (anywhere_p, in_lanes_p):
         return [False] * len(eqn.outvars)
     match params.read(eqn):
         case params.Scan() as form:

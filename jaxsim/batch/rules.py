@@ -180,8 +180,13 @@ def computed_first(lanes, eqn, values, flags):
 
 
 def one_answer(lanes, eqn, values, flags):
-    """All lanes decide together: the only result that has no lanes though an operand does."""
+    """All lanes decide together: the result has no lanes though an operand does."""
     return [anywhere(jnp.any(values[0], -1))]
+
+
+def here_are_lanes(lanes, eqn, values, flags):
+    """The other result without lanes: there are some."""
+    return [jnp.ones((), bool)]
 
 
 def bitcast(lanes, eqn, values, flags):
@@ -276,6 +281,7 @@ RULES: dict[str, Callable] = {
     "clamp": clamp,
     "pad": pad,
     "reshape": reshape,
+    "in_lanes": here_are_lanes,
     "optimization_barrier": computed_first,
     "reduce_and": functools.partial(reduction, functools.partial(_combined, lax.bitwise_and)),
     "reduce_max": functools.partial(extremum, lax.max),

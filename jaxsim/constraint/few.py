@@ -18,7 +18,7 @@ from jaxsim.constraint.contact_rows import ContactRows
 from jaxsim.constraint.jacobian import Jacobian, LinkRows
 from jaxsim.constraint.links import items
 from jaxsim.constraint.operators import TreeOperator
-from jaxsim.solver import Kind, Problem, place, pushing
+from jaxsim.solver import Kind, Problem, in_lanes, place, pushing
 
 FEW = 8  # slots that are kept
 MANY = 12  # slots of which so few repay a second program
@@ -31,9 +31,10 @@ def with_few_contacts(
     problem: Problem,
     operator: TreeOperator,
 ) -> T:
-    """`run(problem, operator)`, on a CPU with at most `FEW` contacts of each kind if that is all.
+    """`run(problem, operator)`, in a batch on a CPU with `FEW` contacts of a kind if that is all.
 
-    Other than articulated solves cost so much more than their contacts that it would not pay.
+    Other than articulated solves cost so much more than their contacts that it would not pay, and
+    one environment alone is too quick to repay the second program's compilation.
 
     Args:
       run: what does not depend on contacts with `D = 0`.
@@ -45,13 +46,12 @@ def with_few_contacts(
     if operator.strategy != "articulated" or not many:
         return run(problem, operator)
 
-    def either(problem, operator):
-        ranks = {i: jnp.cumsum(pushing(problem.blocks[i].D)) for i in many}
-        few = jnp.all(jnp.stack([rank[-1] <= FEW for rank in ranks.values()]))
-        shortened = lambda: run(*_shortened(problem, operator, ranks))  # noqa: E731
-        return lax.cond(few, shortened, lambda: run(problem, operator))
-
-    return lax.platform_dependent(problem, operator, cpu=either, default=run)
+    ranks = {i: jnp.cumsum(pushing(problem.blocks[i].D)) for i in many}
+    few = jnp.all(jnp.stack([rank[-1] <= FEW for rank in ranks.values()]))
+    few = few & in_lanes(problem.blocks[many[0]].D)
+    pays = lax.platform_dependent(few, cpu=lambda few: few, default=jnp.zeros_like)
+    shortened = lambda: run(*_shortened(problem, operator, ranks))  # noqa: E731
+    return lax.cond(pays, shortened, lambda: run(problem, operator))
 
 
 def _is_of_links(J: Jacobian) -> bool:

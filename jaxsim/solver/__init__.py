@@ -1,6 +1,6 @@
 """Convex constraint solver: cost kinds, Newton's method, implicit derivatives. No robots here."""
 
-from jaxsim.solver.anywhere import anywhere, place, pushing
+from jaxsim.solver.anywhere import anywhere, in_lanes, place, pushing
 from jaxsim.solver.elliptic_cone import EllipticCone
 from jaxsim.solver.huber import Huber
 from jaxsim.solver.implicit import SOLUTION, attach, attach_lifted
@@ -28,6 +28,7 @@ __all__ = [
     "attach",
     "attach_lifted",
     "hessian_product",
+    "in_lanes",
     "pcg",
     "pcg_solve",
     "place",

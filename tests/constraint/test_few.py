@@ -90,6 +90,17 @@ def test_the_shorter_program_runs_where_few_contacts_push(monkeypatch, standing,
     assert (vertical[0, 0] < -9) == shorter
 
 
+@pytest.mark.parametrize("together", [lambda f: f, jax.vmap])
+def test_without_lanes_nothing_is_compiled_twice(together):
+    model = load()
+    forward = together(lambda state: jaxsim.forward(model, state, jnp.zeros(0)).qacc)
+    start = states(model, [1, 1, 1])
+    start = start if together is jax.vmap else jax.tree.map(lambda x: x[0], start)
+    program = quick_jit(forward).lower(start).compile().as_text()
+    assert " while(" in program
+    assert " conditional(" not in program
+
+
 def test_derivatives_are_those_of_the_whole_problem():
     model, state = load(), states(load(), [2, 1, 0])
 
@@ -98,7 +109,7 @@ def test_derivatives_are_those_of_the_whole_problem():
 
     def derivative():
         pull = lambda v, s: jax.vjp(lambda v: qacc(v, s), v)[1](jnp.ones_like(v))  # noqa: E731
-        return quick_jit(jax.vmap(pull))(state.qvel, state)
+        return quick_jit(jaxsim.vmap(pull))(state.qvel, state)
 
     got = derivative()
     with pytest.MonkeyPatch.context() as patch:

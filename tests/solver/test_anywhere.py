@@ -7,7 +7,7 @@ import pytest
 from jax import lax
 
 import jaxsim
-from jaxsim.solver import anywhere, place, pushing
+from jaxsim.solver import anywhere, in_lanes, place, pushing
 
 
 def larger(x):
@@ -52,6 +52,31 @@ def test_a_batch_without_the_operand_is_not_asked(vmap):
     found, _ = out(jnp.ones(3), jnp.array(1.0))
     assert found.shape == ()
     assert found
+
+
+@pytest.mark.parametrize("wrap", [lambda f: f, jax.jit])
+def test_lanes_are_those_of_our_own_batches(wrap):
+    x = jnp.ones(3)
+    together = lambda vmap, **axes: wrap(vmap(in_lanes, out_axes=None, **axes))  # noqa: E731
+    assert together(jaxsim.vmap)(x)
+    assert not together(jax.vmap)(x)
+    assert not wrap(in_lanes)(x[0])
+    assert not wrap(
+        jaxsim.vmap(lambda x, y: (in_lanes(y), x), out_axes=(None, 0), in_axes=(0, None))
+    )(x, 1.0)[0]
+
+
+@pytest.mark.parametrize("inner", [jax.vmap, jaxsim.vmap])
+@pytest.mark.parametrize("outer", [jax.vmap, jaxsim.vmap])
+def test_lanes_of_batches_of_batches(inner, outer):
+    found = outer(inner(in_lanes, out_axes=None), out_axes=None)(jnp.ones((2, 3)))
+    assert found == (jaxsim.vmap in (inner, outer))
+
+
+def test_what_only_repays_in_lanes_is_not_compiled_elsewhere():
+    f = lambda x: lax.cond(in_lanes(x) & (x < 9), jnp.sin, jnp.cos, x)  # noqa: E731
+    assert " sine(" not in jax.jit(f).lower(1.0).compile().as_text()
+    assert jax.jvp(f, (1.0,), (1.0,))[1] == -jnp.sin(1.0)
 
 
 @pytest.mark.parametrize("vmap", [jax.vmap, jaxsim.vmap])

@@ -1,5 +1,7 @@
 """Newton's method: agreement with MuJoCo, optimality, termination."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -116,7 +118,11 @@ def test_vmap_is_the_solver_of_every_lane(x64, random_case, solve_tight):
     for i, case in enumerate(cases):
         alone = solve_tight(*case)
         np.testing.assert_allclose(together.x[i], alone.x, atol=1e-12)
-        assert abs(together.status.iterations[i] - alone.status.iterations) <= 1
+    # How many steps gain only rounding depends on the processor, how many lead there does not.
+    to_tolerance = functools.partial(solve_tight, tolerance=1e-8)
+    together = jax.jit(jax.vmap(to_tolerance))(*batch)
+    alone = [to_tolerance(*case).status.iterations for case in cases]
+    np.testing.assert_array_equal(together.status.iterations, alone)
 
 
 @pytest.mark.parametrize("iterations", [1, 100])
