@@ -49,6 +49,13 @@ def forward_alone(hessian):
     return [alone(jax.tree.map(lambda x, i=i: x[i], states)) for i in range(len(HEIGHTS))]
 
 
+@functools.cache
+def forward_together(vmap, hessian):
+    """Program for a batch, and the model."""
+    model = load(hessian)
+    return quick_jit(vmap(lambda s: jaxsim.forward(model, s, jnp.zeros(0)))), model
+
+
 def qvel_after(model, qvel, state):
     return jaxsim.step(model, state.replace(qvel=qvel)).qvel
 
@@ -69,10 +76,8 @@ def jacobians_alone():
 @pytest.mark.parametrize("chosen", [[0, 1], [2, 3], [0, 1, 2, 3]])
 def test_each_as_alone(vmap, hessian, chosen):
     """An environment moves as it does alone, whatever the others meet."""
-    model = load(hessian)
-    states = batch(model, HEIGHTS[chosen])
-    ctrl = jnp.zeros(0)
-    together = quick_jit(vmap(lambda s: jaxsim.forward(model, s, ctrl)))(states)
+    program, model = forward_together(vmap, hessian)
+    together = program(batch(model, HEIGHTS[chosen]))
     pushed = jnp.abs(together.contact.force[..., 0]).max(-1) > 0
     assert (pushed | ~PUSHES[chosen]).all()
     for i, place in enumerate(chosen):
