@@ -31,7 +31,7 @@ def with_few_contacts(
     problem: Problem,
     operator: TreeOperator,
 ) -> T:
-    """`run(problem, operator)`; in lanes of a CPU with `FEW` contacts of a kind if that is all.
+    """`run(problem, operator)`; in lanes of a CPU with `FEW` slots of a kind, if no more push.
 
     Other than articulated solves cost so much more than their contacts that it would not pay, and
     one environment alone is too quick to repay the second program's compilation.

@@ -5,7 +5,6 @@ and expensive one is better entered by all as soon as one needs it, and else by 
 """
 
 import jax.numpy as jnp
-import numpy as np
 from jax import lax
 from jax.extend import core as jex
 from jax.interpreters import batching, mlir
@@ -29,7 +28,7 @@ def in_lanes(x: Array) -> Bool[Array, ""]:
     It is known to the compiler. So a second program for what is frequent is only compiled where
     there are lanes enough to repay it.
     """
-    return in_lanes_p.bind(lax.stop_gradient(x))
+    return in_lanes_p.bind(lax.stop_gradient(x))  # JAX then asks for no derivative
 
 
 def pushing(W: Float[Array, "n ..."]) -> Bool[Array, "n"]:
@@ -55,14 +54,16 @@ def _in_lanes_batched(values, axes):
     return in_lanes(values[0]), None
 
 
+def _no_lanes(x):
+    return jnp.zeros((), bool)
+
+
 anywhere_p.def_impl(lambda x: x)
 anywhere_p.def_abstract_eval(lambda x: x)
 batching.primitive_batchers[anywhere_p] = _anywhere_batched
 mlir.register_lowering(anywhere_p, lambda _, x: [x])
 
-in_lanes_p.def_impl(lambda x: jnp.zeros((), bool))
-in_lanes_p.def_abstract_eval(lambda x: x.update(shape=(), dtype=np.dtype(bool), weak_type=False))
+in_lanes_p.def_impl(_no_lanes)
+in_lanes_p.def_abstract_eval(lambda x: x.update(shape=(), dtype=jnp.dtype(bool), weak_type=False))
 batching.primitive_batchers[in_lanes_p] = _in_lanes_batched
-mlir.register_lowering(
-    in_lanes_p, mlir.lower_fun(lambda x: jnp.zeros((), bool), multiple_results=False)
-)
+mlir.register_lowering(in_lanes_p, mlir.lower_fun(_no_lanes, multiple_results=False))

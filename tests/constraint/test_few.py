@@ -90,15 +90,15 @@ def test_the_shorter_program_runs_where_few_contacts_push(monkeypatch, standing,
     assert (vertical[0, 0] < -9) == shorter
 
 
-@pytest.mark.parametrize("together", [lambda f: f, jax.vmap])
-def test_without_lanes_nothing_is_compiled_twice(together):
+def test_without_lanes_nothing_is_compiled_twice():
     model = load()
-    forward = together(lambda state: jaxsim.forward(model, state, jnp.zeros(0)).qacc)
-    start = states(model, [1, 1, 1])
-    start = start if together is jax.vmap else jax.tree.map(lambda x: x[0], start)
-    program = quick_jit(forward).lower(start).compile().as_text()
-    assert " while(" in program
-    assert " conditional(" not in program
+    forward = lambda state: jaxsim.forward(model, state, jnp.zeros(0)).qacc  # noqa: E731
+    batch = states(model, [1, 1, 1])
+    one = jax.tree.map(lambda x: x[0], batch)
+    for f, start in ((forward, one), (jax.vmap(forward), batch)):
+        program = quick_jit(f).lower(start).compile().as_text()
+        assert " while(" in program
+        assert " conditional(" not in program
 
 
 def test_derivatives_are_those_of_the_whole_problem():

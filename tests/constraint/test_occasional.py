@@ -41,19 +41,17 @@ def load(hessian, cone="elliptic", condim=3):
 
 
 @functools.cache
-def forward_alone(hessian):
-    """Accelerations and constraint forces of every state, one after the other."""
+def forward(hessian, vmap=lambda f: f):
+    """Function from states to their accelerations and constraint forces."""
     model = load(hessian)
-    alone = quick_jit(lambda s: jaxsim.forward(model, s, jnp.zeros(0)))
-    states = batch(model, HEIGHTS)
-    return [alone(jax.tree.map(lambda x, i=i: x[i], states)) for i in range(len(HEIGHTS))]
+    return quick_jit(vmap(lambda s: jaxsim.forward(model, s, jnp.zeros(0))))
 
 
 @functools.cache
-def forward_together(vmap, hessian):
-    """Program for a batch, and the model."""
-    model = load(hessian)
-    return quick_jit(vmap(lambda s: jaxsim.forward(model, s, jnp.zeros(0)))), model
+def forward_alone(hessian):
+    """Accelerations and constraint forces of every state, one after the other."""
+    alone, states = forward(hessian), batch(load(hessian), HEIGHTS)
+    return [alone(jax.tree.map(lambda x, i=i: x[i], states)) for i in range(len(HEIGHTS))]
 
 
 def qvel_after(model, qvel, state):
@@ -76,8 +74,7 @@ def jacobians_alone():
 @pytest.mark.parametrize("chosen", [[0, 1], [2, 3], [0, 1, 2, 3]])
 def test_each_as_alone(vmap, hessian, chosen):
     """An environment moves as it does alone, whatever the others meet."""
-    program, model = forward_together(vmap, hessian)
-    together = program(batch(model, HEIGHTS[chosen]))
+    together = forward(hessian, vmap)(batch(load(hessian), HEIGHTS[chosen]))
     pushed = jnp.abs(together.contact.force[..., 0]).max(-1) > 0
     assert (pushed | ~PUSHES[chosen]).all()
     for i, place in enumerate(chosen):
