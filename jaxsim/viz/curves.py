@@ -41,6 +41,8 @@ def plot_learning(
         axes.set_xlabel(label)
         axes.grid(alpha=0.3)
     figure.axes[0].set_ylabel("return of an episode")
+    figure.axes[1].xaxis.set_major_formatter("{x:,.0f}")
+    figure.axes[1].locator_params(axis="x", nbins=5)
     figure.axes[1].legend()
     figure.suptitle(title)
     figure.savefig(path)
