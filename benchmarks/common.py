@@ -93,7 +93,7 @@ def setup(devices: int = 1, x64: bool = False) -> None:
 def in_chunks(f: Callable, lanes: int) -> Callable:
     """A function of one environment, for a batch in chunks of so many, as rollouts have them."""
     import jaxsim
-    from jaxsim.batch.chunks import map_chunks
+    from jaxsim.parallel.chunks import map_chunks
 
     return functools.partial(map_chunks, jaxsim.vmap(f), lanes)
 
@@ -107,7 +107,7 @@ def compile_for(f: Callable, *args):
     """
     import jax
 
-    from jaxsim.batch.devices import compiled
+    from jaxsim.parallel.devices import compiled
 
     start = time.perf_counter()
     program = compiled(f, jax.default_backend()).lower(*args).compile()

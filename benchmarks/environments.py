@@ -51,8 +51,8 @@ def _compiled(name: str, batch: int, steps: int):
     import jax
 
     import jaxsim
-    from jaxsim.batch.devices import SPLIT, device_mesh, parallel
     from jaxsim.envs.wrappers import AutoReset
+    from jaxsim.parallel.devices import SPLIT, device_mesh, parallel
 
     env, mesh = AutoReset(env=jaxsim.envs.make(name)), device_mesh()
 

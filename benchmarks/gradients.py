@@ -41,7 +41,7 @@ def _options(arguments) -> argparse.Namespace:
 def _row(name: str, options) -> dict:
     """Times, memory and errors of one model."""
     import jaxsim
-    from jaxsim.batch.chunks import even_lanes
+    from jaxsim.parallel.chunks import even_lanes
 
     mj = models.load(name)
     states = models.visited(mj, options.states)

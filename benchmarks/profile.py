@@ -42,7 +42,7 @@ def _options(arguments) -> argparse.Namespace:
 def _shares(name: str, options) -> dict:
     """Microseconds of the whole step for one environment, and the share of each stage."""
     import jaxsim
-    from jaxsim.batch.chunks import even_lanes
+    from jaxsim.parallel.chunks import even_lanes
 
     mj = models.load(name)
     model, states = jaxsim.load(mj), models.visited(mj, options.states)
@@ -65,7 +65,7 @@ def _programs(model):
     import jaxsim
     from jaxsim.constraint import constraint_blocks
     from jaxsim.dynamics.kinematics import kinematics
-    from jaxsim.pipeline import constraint_scene, evaluate, smooth_dynamics
+    from jaxsim.engine.pipeline import constraint_scene, evaluate, smooth_dynamics
 
     def positions(state, ctrl):
         return _total(kinematics(model, state.qpos, state.mocap_pos, state.mocap_quat))

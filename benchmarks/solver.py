@@ -142,9 +142,9 @@ def _program(model, states, batch: int):
     import jax
 
     import jaxsim
-    from jaxsim.batch.chunks import even_lanes
     from jaxsim.constraint import Scene, constrained_acceleration
-    from jaxsim.pipeline import constraint_scene, smooth_dynamics
+    from jaxsim.engine.pipeline import constraint_scene, smooth_dynamics
+    from jaxsim.parallel.chunks import even_lanes
 
     shape = {}
 

@@ -9,17 +9,27 @@ Example:
 
 import importlib
 
-from jaxsim.batch import batch_rollout, configure_cpu, vmap
-from jaxsim.check import check
-from jaxsim.checkpoint import checkpoint
+from jaxsim import model
+from jaxsim.arrays.checkpoint import checkpoint
+from jaxsim.batching import vmap
 from jaxsim.dynamics.aba import forward_dynamics
 from jaxsim.dynamics.crba import mass_matrix
 from jaxsim.dynamics.rnea import inverse_dynamics
-from jaxsim.io import load
+from jaxsim.engine import (
+    Forward,
+    SimulationError,
+    check,
+    forward,
+    inverse,
+    rollout,
+    step,
+)
+from jaxsim.io import load, set_const
 from jaxsim.model import Model, ModelError, State, make_state
-from jaxsim.step import Forward, forward, inverse, rollout, step
+from jaxsim.parallel import batch_rollout, configure_cpu
 
 __version__ = "0.1.0"
+model.set_const = set_const  # the name of `jaxsim.set_const` in earlier versions
 
 
 def __getattr__(name: str):
@@ -33,6 +43,7 @@ __all__ = [
     "Forward",
     "Model",
     "ModelError",
+    "SimulationError",
     "State",
     "batch_rollout",
     "check",
@@ -46,6 +57,7 @@ __all__ = [
     "make_state",
     "mass_matrix",
     "rollout",
+    "set_const",
     "step",
     "vmap",
 ]

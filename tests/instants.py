@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 from oracle import assert_close, quick_jit
 
+from jaxsim.engine.step import forward
 from jaxsim.model import make_state
-from jaxsim.step import forward
 
 CONES = {"pyramidal": mujoco.mjtCone.mjCONE_PYRAMIDAL, "elliptic": mujoco.mjtCone.mjCONE_ELLIPTIC}
 

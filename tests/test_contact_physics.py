@@ -9,9 +9,9 @@ from instants import CONES, converging
 from oracle import quick_jit
 
 import jaxsim
+from jaxsim.engine.step import forward
 from jaxsim.io import load
 from jaxsim.model import make_state
-from jaxsim.step import forward
 
 G = 9.81
 MU = 0.5

@@ -11,10 +11,10 @@ import pytest
 from instants import CONES, batch_states, converging, evaluated, rollout, stepped
 from oracle import quick_jit
 
-from jaxsim.dynamics.coordinates import difference_pos, integrate_pos
+from jaxsim.engine.step import step
 from jaxsim.io import bundled_models, load
+from jaxsim.joints.coordinates import difference_pos, integrate_pos
 from jaxsim.model import make_state
-from jaxsim.step import step
 
 # Every condim, free bodies that stick, slide, spin and roll.
 CONTACTS = """

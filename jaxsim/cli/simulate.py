@@ -13,10 +13,10 @@ import rich.progress
 from jax.sharding import Mesh
 
 import jaxsim
-from jaxsim.batch.chunks import even_lanes, map_chunks
-from jaxsim.batch.devices import EVERYWHERE, SPLIT, dividing_mesh, parallel, shardings
 from jaxsim.cli import UsageError
 from jaxsim.cli.report import note, report
+from jaxsim.parallel.chunks import even_lanes, map_chunks
+from jaxsim.parallel.devices import EVERYWHERE, SPLIT, dividing_mesh, parallel, shardings
 
 
 @dataclasses.dataclass(frozen=True)

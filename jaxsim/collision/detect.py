@@ -15,11 +15,11 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Float, Int
 
+from jaxsim.arrays.indexing import Index, gather
 from jaxsim.collision.bounds import distance_bound
 from jaxsim.collision.candidates import Candidates, PairGroup
 from jaxsim.collision.contact import Contact
 from jaxsim.collision.parameters import contact_margin, contact_parameters
-from jaxsim.collision.rows import Index, rows
 from jaxsim.collision.selection import within_reach
 from jaxsim.collision.shapes import Contacts, Shape
 from jaxsim.collision.surfaces import known_surfaces
@@ -157,7 +157,7 @@ def _empty(dtype) -> _Slots:
 
 
 def _take(shapes: Shape, index: Index) -> Shape:
-    return jax.tree.map(lambda x: rows(x, index), shapes)
+    return jax.tree.map(lambda x: gather(x, index), shapes)
 
 
 def _fields(record) -> dict[str, Any]:

@@ -16,7 +16,7 @@ import numpy as np
 from flax import struct
 from jaxtyping import Array, Float, Int
 
-from jaxsim.collision.rows import Index, rows
+from jaxsim.arrays.indexing import Index, gather
 
 # MuJoCo's mjMINMU and mjMINVAL.
 MIN_FRICTION = 1e-5
@@ -78,7 +78,7 @@ def contact_parameters(model: Any, geom1: Index, geom2: Index, pair: Index) -> P
 
 def contact_margin(model: Any, geom1: Index, geom2: Index, pair: Index) -> Float[Array, "n"]:
     """Distance below which contacts are active: the geoms' sum, or the explicit pair's margin."""
-    margin = rows(model.geom_margin, geom1) + rows(model.geom_margin, geom2)
+    margin = gather(model.geom_margin, geom1) + gather(model.geom_margin, geom2)
     if _overridden(model):
         return jnp.full_like(margin, model.opt.o_margin)
     return _choose(model, pair, model.pair_margin, margin)
@@ -121,7 +121,7 @@ def mixing_weight(solmix1: Float[Array, ""], solmix2: Float[Array, ""]) -> Float
 
 
 def _surfaces(model: Any, geom: Index) -> Surface:
-    return Surface(**{k: rows(getattr(model, leaf), geom) for k, leaf in SURFACE_LEAVES.items()})
+    return Surface(**{k: gather(getattr(model, leaf), geom) for k, leaf in SURFACE_LEAVES.items()})
 
 
 def _with_pairs(model: Any, values: Parameters, pair: Index) -> Parameters:
@@ -156,6 +156,6 @@ def _choose(model: Any, pair: Index, of_pairs, of_geoms):
     explicit = pair >= 0
     if model.npair == 0 or (isinstance(pair, np.ndarray) and not explicit.any()):
         return of_geoms
-    chosen = rows(of_pairs, pair.clip(0))
+    chosen = gather(of_pairs, pair.clip(0))
     explicit = jnp.asarray(explicit).reshape((-1,) + (1,) * (of_geoms.ndim - 1))
     return jnp.where(explicit, chosen, of_geoms)

@@ -10,12 +10,12 @@ import mujoco
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxsim.arrays.indexing import take
 from jaxsim.collision import Contact, ContactKind
 from jaxsim.constraint.block import Block, inverse_where
 from jaxsim.constraint.contact_rows import contact_rows
 from jaxsim.constraint.impedance import MIN_VALUE, response
 from jaxsim.constraint.scene import Scene
-from jaxsim.dynamics.tree import take
 from jaxsim.solver import EllipticCone, PyramidalCone, Unilateral
 
 ELLIPTIC = int(mujoco.mjtCone.mjCONE_ELLIPTIC)

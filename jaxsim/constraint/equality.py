@@ -5,13 +5,13 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 
+from jaxsim.arrays.indexing import take
 from jaxsim.constraint.block import Block
 from jaxsim.constraint.impedance import response
 from jaxsim.constraint.jacobian import DenseRows, link_rows
 from jaxsim.constraint.points import Ends, bias_acceleration, ends, twist_rows
 from jaxsim.constraint.scene import Scene
 from jaxsim.dynamics.tendon import tendon_jacobian, tendon_length
-from jaxsim.dynamics.tree import take
 from jaxsim.dynamics.velocity import to_tree_order
 from jaxsim.solver import Quadratic
 from jaxsim.spatial import quat_conj, quat_mul

@@ -14,11 +14,12 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Int
 
+from jaxsim.batching.anywhere import in_lanes, place, pushing
 from jaxsim.constraint.contact_rows import ContactRows
 from jaxsim.constraint.jacobian import Jacobian, LinkRows
 from jaxsim.constraint.links import items
 from jaxsim.constraint.operators import TreeOperator
-from jaxsim.solver import Kind, Problem, in_lanes, place, pushing
+from jaxsim.solver import Kind, Problem
 
 FEW = 8  # slots that are kept
 MANY = 12  # slots of which so few repay a second program

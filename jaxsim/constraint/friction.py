@@ -5,12 +5,12 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 
+from jaxsim.arrays.indexing import take
 from jaxsim.constraint.block import Block
 from jaxsim.constraint.impedance import response
 from jaxsim.constraint.jacobian import DenseRows, DofRows
 from jaxsim.constraint.scene import Scene
 from jaxsim.dynamics.tendon import tendon_jacobian
-from jaxsim.dynamics.tree import take
 from jaxsim.dynamics.velocity import to_tree_order
 from jaxsim.solver import Huber
 

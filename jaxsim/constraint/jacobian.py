@@ -18,12 +18,13 @@ from flax import struct
 from jax import lax
 from jaxtyping import Array, Float
 
+from jaxsim.arrays.indexing import sum_by, take
+from jaxsim.batching.anywhere import place, pushing
 from jaxsim.constraint.links import Links, add_at, gather, items, moves
 from jaxsim.dynamics.components import Components, restrict
-from jaxsim.dynamics.tree import sum_by, take
 from jaxsim.model.compound import Compound
 from jaxsim.model.topology import Forest
-from jaxsim.solver import place, pushing, weighed
+from jaxsim.solver import weighed
 
 
 class Jacobian(Protocol):

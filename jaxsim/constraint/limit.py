@@ -5,14 +5,14 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 
+from jaxsim.arrays.indexing import take
 from jaxsim.constraint.block import Block, inverse_where
 from jaxsim.constraint.impedance import response
 from jaxsim.constraint.jacobian import DenseRows, DofRows
 from jaxsim.constraint.scene import Scene
-from jaxsim.dynamics.joints import BALL, HINGE, SLIDE
 from jaxsim.dynamics.tendon import tendon_jacobian, tendon_length
-from jaxsim.dynamics.tree import take
 from jaxsim.dynamics.velocity import to_tree_order
+from jaxsim.joints.types import BALL, HINGE, SLIDE
 from jaxsim.solver import Unilateral
 from jaxsim.spatial import quat_log
 

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, Shaped
 
-from jaxsim.dynamics.tree import sum_by, take
+from jaxsim.arrays.indexing import sum_by, take
 from jaxsim.model.topology import Forest
 
 # Up to so many pairs of a row and a link, a product with the matrix that is 1 where they belong

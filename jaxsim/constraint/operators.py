@@ -19,6 +19,8 @@ from jax import lax
 from jax.scipy.linalg import cho_factor, cho_solve
 from jaxtyping import Array, Float
 
+from jaxsim.arrays.indexing import sum_by, take
+from jaxsim.batching.anywhere import anywhere
 from jaxsim.constraint.block import Block
 from jaxsim.constraint.jacobian import DenseRows, Jacobian, add_products
 from jaxsim.dynamics.aba import articulated_solve
@@ -32,10 +34,10 @@ from jaxsim.dynamics.crba import composite_matrix
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.dynamics.rnea import tree_force
-from jaxsim.dynamics.tree import accumulate_outward, sum_by, take
+from jaxsim.dynamics.tree import accumulate_outward
 from jaxsim.model import Model
 from jaxsim.model.topology import Forest
-from jaxsim.solver import anywhere, pcg_solve
+from jaxsim.solver import pcg_solve
 from jaxsim.solver.operator import Rows
 from jaxsim.spatial import Inertia
 

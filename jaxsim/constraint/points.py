@@ -7,8 +7,8 @@ import numpy as np
 from flax import struct
 from jaxtyping import Array, Float
 
+from jaxsim.arrays.indexing import take
 from jaxsim.constraint.scene import Scene
-from jaxsim.dynamics.tree import take
 
 _SITE = int(mujoco.mjtObj.mjOBJ_SITE)
 

@@ -3,8 +3,8 @@
 from flax import struct
 from jaxtyping import Array, Float
 
+from jaxsim.arrays.indexing import take
 from jaxsim.dynamics.kinematics import Kinematics
-from jaxsim.dynamics.tree import take
 from jaxsim.dynamics.velocity import Velocities, to_tree_order
 from jaxsim.model import Model
 

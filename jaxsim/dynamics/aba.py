@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
+from jaxsim.arrays.precision import full_precision
 from jaxsim.dynamics.components import motion_components, restrict, restrict_matrix
 from jaxsim.dynamics.kinematics import Kinematics, kinematics
 from jaxsim.dynamics.reflected import dof_armature
@@ -16,7 +17,6 @@ from jaxsim.dynamics.tree import inward, outward
 from jaxsim.dynamics.velocity import from_tree_order, to_tree_order, velocities
 from jaxsim.model import Model
 from jaxsim.model.topology import Forest
-from jaxsim.precision import full_precision
 
 
 @full_precision

@@ -17,8 +17,8 @@ import numpy as np
 from flax import struct
 from jaxtyping import Array, Float
 
-from jaxsim.dynamics.joints import HINGE, SLIDE
-from jaxsim.dynamics.tree import take
+from jaxsim.arrays.indexing import take
+from jaxsim.joints.types import HINGE, SLIDE
 from jaxsim.model import Model
 from jaxsim.model.known import known_leaves
 from jaxsim.model.structure import Structure

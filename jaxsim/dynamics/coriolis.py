@@ -12,10 +12,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsim.dynamics.joints import FREE
+from jaxsim.arrays.indexing import take
 from jaxsim.dynamics.kinematics import Kinematics
-from jaxsim.dynamics.tree import accumulate_inward, take
+from jaxsim.dynamics.tree import accumulate_inward
 from jaxsim.dynamics.velocity import Velocities, from_tree_order
+from jaxsim.joints.types import FREE
 from jaxsim.model import Model
 from jaxsim.spatial import Inertia, ad, cross_motion, skew
 

@@ -8,8 +8,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxsim.arrays.indexing import take
 from jaxsim.dynamics.kinematics import Kinematics
-from jaxsim.dynamics.tree import take
 from jaxsim.dynamics.velocity import Velocities, from_tree_order
 from jaxsim.model import Model
 

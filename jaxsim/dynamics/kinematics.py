@@ -6,9 +6,10 @@ import numpy as np
 from flax import struct
 from jaxtyping import Array, Float
 
-from jaxsim.dynamics.joints import NQ, joint_pose, motion_subspace
+from jaxsim.arrays.indexing import take
 from jaxsim.dynamics.links import Links, link_parameters
-from jaxsim.dynamics.tree import accumulate_inward, outward, take
+from jaxsim.dynamics.tree import accumulate_inward, outward
+from jaxsim.joints.types import NQ, joint_pose, motion_subspace
 from jaxsim.model import Model
 from jaxsim.model.topology import Forest
 from jaxsim.spatial import Inertia, Pose, quat_normalize, quat_to_matrix

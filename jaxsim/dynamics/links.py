@@ -11,8 +11,9 @@ import numpy as np
 from flax import struct
 from jaxtyping import Array, Float
 
-from jaxsim.dynamics.joints import FREE
-from jaxsim.dynamics.tree import outward, sum_by, take
+from jaxsim.arrays.indexing import sum_by, take
+from jaxsim.dynamics.tree import outward
+from jaxsim.joints.types import FREE
 from jaxsim.model import Model
 from jaxsim.spatial import Inertia, Pose, quat_normalize
 

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsim.dynamics.tree import sum_by, take
+from jaxsim.arrays.indexing import sum_by, take
 from jaxsim.model import Model
 
 _JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))

@@ -10,13 +10,14 @@ import jax.numpy as jnp
 import mujoco
 from jaxtyping import Array, Float
 
+from jaxsim.arrays.indexing import sum_by, take
+from jaxsim.arrays.precision import full_precision
 from jaxsim.dynamics.kinematics import Kinematics, kinematics
 from jaxsim.dynamics.reflected import dof_armature
-from jaxsim.dynamics.tree import accumulate_inward, accumulate_outward, sum_by, take
+from jaxsim.dynamics.tree import accumulate_inward, accumulate_outward
 from jaxsim.dynamics.velocity import Velocities, from_tree_order, to_tree_order, velocities
 from jaxsim.model import Model
 from jaxsim.model.topology import Forest
-from jaxsim.precision import full_precision
 from jaxsim.spatial import Inertia, cross_force
 
 _GRAVITY_OFF = mujoco.mjtDisableBit.mjDSBL_GRAVITY

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsim.dynamics.tree import sum_by, take
+from jaxsim.arrays.indexing import sum_by, take
 from jaxsim.model import Model
 
 

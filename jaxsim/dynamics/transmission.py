@@ -10,11 +10,11 @@ import numpy as np
 from flax import struct
 from jaxtyping import Array, Float
 
+from jaxsim.arrays.indexing import sum_by, take
 from jaxsim.dynamics.jacobian import site_jacobian
-from jaxsim.dynamics.joints import BALL, FREE
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.tendon import tendon_jacobian, tendon_length
-from jaxsim.dynamics.tree import sum_by, take
+from jaxsim.joints.types import BALL, FREE
 from jaxsim.model import Model
 from jaxsim.spatial import (
     quat_difference,

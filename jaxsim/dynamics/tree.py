@@ -6,21 +6,15 @@ levels into one `lax.scan`, so that program size does not grow with depth. Array
 over degrees of freedom are in tree order.
 """
 
-import itertools
 from collections.abc import Callable
 from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax import lax
 
+from jaxsim.arrays.indexing import sum_by, take
 from jaxsim.model.topology import Forest, Level, Run
-
-# Up to this many slices are concatenated; a more scattered index becomes one gather.
-_MAX_SLICES = 16
-# Sums of up to this many rows are written out, which fuses better than a reduction.
-_MAX_TERMS = 8
 
 
 def outward(forest: Forest, f: Callable, root: Any, nodes: Any, dofs: Any = ()) -> tuple[Any, Any]:
@@ -96,64 +90,6 @@ def accumulate_inward(forest: Forest, x: Any) -> Any:
     """Sums over subtrees: `y_i = x_i + sum of y over the children of i`."""
     zero = jax.tree.map(lambda a: jnp.zeros(a.shape[1:], a.dtype), x)
     return inward(forest, lambda y, x, _: (jax.tree.map(jnp.add, y, x), ()), zero, x)[0]
-
-
-def take(x: jax.Array, index: np.ndarray) -> jax.Array:
-    """`x[index]` for a static index: slices where that is cheap, one gather otherwise."""
-    index = np.asarray(index, int)
-    if len(index) == x.shape[0] and np.array_equal(index, np.arange(len(index))):
-        return x
-    if len(index) and (index == index[0]).all():
-        return jnp.broadcast_to(x[index[0]][None], (len(index), *x.shape[1:]))
-    # Runs of consecutive rows, each of them as often as the others.
-    first = np.concatenate([[0], np.nonzero(np.diff(index))[0] + 1]) if len(index) else index
-    row, times = index[first], np.diff(first, append=len(index))
-    cuts = np.nonzero((np.diff(row) != 1) | (np.diff(times) != 0))[0] + 1
-    runs = list(zip(np.split(row, cuts), np.split(times, cuts), strict=True))
-    if len(runs) > _MAX_SLICES:
-        return x.at[index].get(mode="promise_in_bounds")
-    parts = [_repeated(x[r[0] : r[-1] + 1], int(n[0])) for r, n in runs if len(r)]
-    return jnp.concatenate(parts) if parts else x[:0]
-
-
-def _repeated(x: jax.Array, times: int) -> jax.Array:
-    """Every row of x that many times."""
-    if times == 1:
-        return x
-    repeated = jnp.broadcast_to(x[:, None], (len(x), times, *x.shape[1:]))
-    return repeated.reshape(-1, *x.shape[1:])
-
-
-def sum_by(x: jax.Array, group: np.ndarray, n: int) -> jax.Array:
-    """(n, ...) sums of the rows of `x` that belong to each group; `group` is static."""
-    group = np.asarray(group, int)
-    if np.array_equal(group, np.arange(n)):
-        return x
-    size = np.bincount(group, minlength=n)
-    # Runs of consecutive groups of equal size are blocks of the sorted rows.
-    starts = np.concatenate([[0], np.nonzero(np.diff(size))[0] + 1, [n]]) if n else np.zeros(1, int)
-    if len(starts) > _MAX_SLICES:
-        return jnp.zeros((n, *x.shape[1:]), x.dtype).at[group].add(x)
-    rows = np.argsort(group, kind="stable")
-    parts, row = [x[:0]], 0
-    for first, last in itertools.pairwise(starts.tolist()):
-        members = rows[row : row + (last - first) * int(size[first])].reshape(last - first, -1)
-        parts.append(_sums(x, members))
-        row += members.size
-    return jnp.concatenate(parts)
-
-
-def _sums(x: jax.Array, members: np.ndarray) -> jax.Array:
-    """(n, ...) sums of the rows of `x` that each of n groups of equal size has."""
-    n, size = members.shape
-    if size > _MAX_TERMS:
-        return take(x, members.ravel()).reshape(n, size, *x.shape[1:]).sum(1)
-    if size == 0:
-        return jnp.zeros((n, *x.shape[1:]), x.dtype)
-    total = take(x, members[:, 0])
-    for k in range(1, size):
-        total = total + take(x, members[:, k])
-    return total
 
 
 def _level(level: Level, f, parents, nodes, dofs):

@@ -5,9 +5,10 @@ import numpy as np
 from flax import struct
 from jaxtyping import Array, Float
 
-from jaxsim.dynamics.joints import FREE
+from jaxsim.arrays.indexing import sum_by, take
 from jaxsim.dynamics.kinematics import Kinematics
-from jaxsim.dynamics.tree import outward, sum_by, take
+from jaxsim.dynamics.tree import outward
+from jaxsim.joints.types import FREE
 from jaxsim.model import Model
 from jaxsim.spatial import cross_motion
 

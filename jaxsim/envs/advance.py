@@ -4,9 +4,9 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
-from jaxsim.integrate import Step
+from jaxsim.engine.integrate import Step
+from jaxsim.engine.step import whole_step
 from jaxsim.model import Model, State
-from jaxsim.step import whole_step
 
 
 def advance(model: Model, state: State, ctrl: Float[Array, "nu"], steps: int) -> Step:

@@ -28,10 +28,10 @@ import numpy as np
 from flax import struct
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
+from jaxsim.arrays.precision import full_precision
 from jaxsim.envs.advance import advance
 from jaxsim.envs.moment import Moment
 from jaxsim.model import Model, State
-from jaxsim.precision import full_precision
 
 
 @struct.dataclass

@@ -9,12 +9,12 @@ from jaxtyping import Array, Float
 
 from jaxsim.collision import Contact
 from jaxsim.constraint import Constrained, constrained_at
-from jaxsim.dynamics import body_forces
 from jaxsim.dynamics.kinematics import Kinematics, kinematics
 from jaxsim.dynamics.velocity import Velocities, velocities
+from jaxsim.engine.pipeline import constraint_scene, evaluate, smooth_dynamics
+from jaxsim.engine.readout import body_wrenches
 from jaxsim.model import Model, State
-from jaxsim.pipeline import constraint_scene, evaluate, smooth_dynamics
-from jaxsim.readout import body_wrenches
+from jaxsim.quantities import body_forces
 
 
 @struct.dataclass

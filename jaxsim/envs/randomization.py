@@ -4,7 +4,8 @@ import jax
 from jaxtyping import PRNGKeyArray
 
 from jaxsim.envs.base import Env
-from jaxsim.model import Model, set_const
+from jaxsim.io import set_const
+from jaxsim.model import Model
 
 Range = tuple[float, float]
 

@@ -1,5 +1,7 @@
-"""Reading models from files, strings and MuJoCo's own objects."""
+"""From files, strings and MuJoCo's own objects to models, derived constants included."""
 
+from jaxsim.io.build import build
+from jaxsim.io.constants import set_const
 from jaxsim.io.load import bundled_models, load
 
-__all__ = ["bundled_models", "load"]
+__all__ = ["build", "bundled_models", "load", "set_const"]

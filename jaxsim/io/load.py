@@ -8,8 +8,9 @@ import pathlib
 import mujoco
 
 from jaxsim.constraint.operators import STRATEGIES
+from jaxsim.io import build
 from jaxsim.io.budget import contact_budget
-from jaxsim.model import Model, ModelError, build
+from jaxsim.model import Model, ModelError
 
 
 def load(

@@ -63,7 +63,7 @@ class Model:
     """A compiled model.
 
     Change numbers with `model.replace(body_mass=...)`, or many at once by vmapping over a model
-    with a batch axis on some leaves; call `jaxsim.model.set_const` afterwards if masses, sizes or
+    with a batch axis on some leaves; call `jaxsim.set_const` afterwards if masses, sizes or
     poses changed. Every integer field of `mjModel` that the physics uses (`nq`, `jnt_type`,
     `geom_bodyid`, ...) is an attribute too and is static.
 

@@ -6,8 +6,8 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxsim.batch.devices import AXIS
 from jaxsim.envs import Env
+from jaxsim.parallel.devices import AXIS
 from jaxsim.rl.collect import start_actors
 from jaxsim.rl.config import ConfigError, TrainConfig
 from jaxsim.rl.networks import ActionRange, Policy
@@ -19,8 +19,8 @@ Metrics = dict[str, Any]
 class Algorithm(abc.ABC):
     """A trainer; `jaxsim.rl.programs` compiles it for all devices, `jaxsim.rl.driver` runs it.
 
-    Inside `start` and `epoch` the axis `jaxsim.batch.devices.AXIS` is bound; the learner must come
-    out the same on all devices, so gradients, statistics and metrics are averaged along it. A
+    Inside `start` and `epoch` the axis `jaxsim.parallel.devices.AXIS` is bound; the learner must
+    come out the same on all devices, so gradients, statistics and metrics are averaged along it. A
     learner is a record with at least `obs`, the statistics of the observations, a `key`, and
     `epoch`, the number of epochs so far.
 

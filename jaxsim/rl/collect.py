@@ -9,10 +9,10 @@ from flax import struct
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsim.batch import vmap
-from jaxsim.batch.chunks import even_lanes
-from jaxsim.batch.devices import AXIS
+from jaxsim.batching import vmap
 from jaxsim.envs import Env, EnvState
+from jaxsim.parallel.chunks import even_lanes
+from jaxsim.parallel.devices import AXIS
 
 
 @struct.dataclass

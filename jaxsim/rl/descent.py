@@ -9,7 +9,7 @@ from jax import lax
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Int
 
-from jaxsim.batch.devices import AXIS
+from jaxsim.parallel.devices import AXIS
 from jaxsim.rl.config import ConfigError
 
 

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from flax import struct
 from jaxtyping import Array, Bool, Float
 
-from jaxsim.checkpoint import checkpoint
+from jaxsim.arrays.checkpoint import checkpoint
 from jaxsim.envs import EnvState, TimeLimit, Wrapper, extended
 from jaxsim.rl.collect import Actors
 

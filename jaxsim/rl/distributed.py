@@ -9,7 +9,7 @@ from typing import Any
 import jax
 from flax import struct
 
-from jaxsim.batch.devices import EVERYWHERE, SPLIT
+from jaxsim.parallel.devices import EVERYWHERE, SPLIT
 
 
 @struct.dataclass

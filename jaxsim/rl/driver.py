@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jax.sharding import Mesh
 
 from jaxsim import envs
-from jaxsim.batch.devices import device_mesh
+from jaxsim.parallel.devices import device_mesh
 from jaxsim.rl import config, distributed, metrics
 from jaxsim.rl.algorithm import Algorithm
 from jaxsim.rl.checkpoint import CheckpointError, Checkpoints, read_run, write_run

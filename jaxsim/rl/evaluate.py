@@ -8,7 +8,7 @@ from flax import struct
 from jax import lax
 from jaxtyping import Array, Float, Int
 
-from jaxsim.batch import vmap
+from jaxsim.batching import vmap
 from jaxsim.envs import Env
 
 

@@ -9,8 +9,8 @@ import jax
 from jax import lax
 from jax.sharding import Mesh
 
-from jaxsim.batch.devices import AXIS, EVERYWHERE, parallel, shardings
 from jaxsim.envs import Env
+from jaxsim.parallel.devices import AXIS, EVERYWHERE, parallel, shardings
 from jaxsim.rl.algorithm import Algorithm
 from jaxsim.rl.distributed import SPECS, Training
 from jaxsim.rl.evaluate import Evaluation, evaluate

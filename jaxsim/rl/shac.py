@@ -18,8 +18,8 @@ from flax import struct
 from jax import lax
 from jaxtyping import Array, Bool, Float
 
-from jaxsim.batch.devices import AXIS
 from jaxsim.envs import Env
+from jaxsim.parallel.devices import AXIS
 from jaxsim.rl.algorithm import Algorithm
 from jaxsim.rl.collect import Actors, Experience, collect
 from jaxsim.rl.config import NetworkConfig, TrainConfig

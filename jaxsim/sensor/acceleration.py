@@ -5,7 +5,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsim.dynamics.tree import sum_by, take
+from jaxsim.arrays.indexing import sum_by, take
 from jaxsim.sensor.groups import Group
 from jaxsim.sensor.readings import Readings, into_frame
 

@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import mujoco
 from jaxtyping import Array, Float
 
-from jaxsim.dynamics.joints import BALL
-from jaxsim.dynamics.tree import take
+from jaxsim.arrays.indexing import take
+from jaxsim.joints.types import BALL
 from jaxsim.model import Model
 from jaxsim.sensor.groups import Group
 from jaxsim.sensor.readings import Readings

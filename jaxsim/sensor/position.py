@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import mujoco
 from jaxtyping import Array, Float
 
-from jaxsim.dynamics.tree import take
+from jaxsim.arrays.indexing import take
 from jaxsim.sensor.groups import Group
 from jaxsim.sensor.limits import joint_limit, tendon_limit
 from jaxsim.sensor.readings import Readings, into_frame

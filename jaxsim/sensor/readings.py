@@ -9,10 +9,10 @@ import mujoco
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsim.dynamics import body_forces
-from jaxsim.dynamics.momentum import subtree_velocities
-from jaxsim.dynamics.tree import take
+from jaxsim.arrays.indexing import take
 from jaxsim.model import Model
+from jaxsim.quantities import body_forces
+from jaxsim.quantities.momentum import subtree_velocities
 from jaxsim.sensor.signals import Signals
 from jaxsim.spatial import Inertia, quat_mul
 

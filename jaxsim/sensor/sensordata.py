@@ -5,7 +5,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsim.dynamics.tree import take
+from jaxsim.arrays.indexing import take
 from jaxsim.model import Model
 from jaxsim.sensor import acceleration, position, velocity
 from jaxsim.sensor.groups import Group, group_sensors, kinds

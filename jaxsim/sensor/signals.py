@@ -3,9 +3,9 @@
 from flax import struct
 from jaxtyping import Array, Float
 
-from jaxsim.dynamics.external import ContactGeometry
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.velocity import Velocities
+from jaxsim.forces.external import ContactGeometry
 
 
 @struct.dataclass

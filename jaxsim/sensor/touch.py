@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsim.dynamics.external import geom_body
-from jaxsim.dynamics.tree import sum_by, take
+from jaxsim.arrays.indexing import sum_by, take
+from jaxsim.forces.external import geom_body
 from jaxsim.sensor.groups import Group
 from jaxsim.sensor.readings import Readings
 from jaxsim.sensor.shapes import ray_hits

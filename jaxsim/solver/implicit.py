@@ -14,13 +14,11 @@ from jax import lax
 from jax.ad_checkpoint import checkpoint_name
 from jaxtyping import Array, Float
 
-from jaxsim.precision import full_precision
+from jaxsim.arrays.checkpoint import SOLUTION
+from jaxsim.arrays.precision import full_precision
 from jaxsim.solver.operator import Lifted, Operator, Rows
 from jaxsim.solver.pcg import hessian_product
 from jaxsim.solver.problem import Problem
-
-# The name of minimisers, for policies of `jax.checkpoint` that say what to keep.
-SOLUTION = "jaxsim_solution"
 
 
 def attach(
@@ -38,7 +36,7 @@ def attach_lifted(
     Forward and reverse mode, `vmap` and `jit` apply, and so do second derivatives away from the
     boundaries of the cost's zones. Nothing flows back into how x was found, and nothing but x is
     needed of it: a backward pass that recomputes what it needs does not solve again where x was
-    kept, see `SOLUTION`.
+    kept, see `jaxsim.checkpoint`.
 
     Args:
         x: The minimiser.

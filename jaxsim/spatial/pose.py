@@ -5,6 +5,7 @@ import numpy as np
 from flax import struct
 from jaxtyping import Array, Float
 
+from jaxsim.arrays.series import cotangent_defect, sinc_half, sine_defect
 from jaxsim.spatial.quaternion import (
     quat_conj,
     quat_exp,
@@ -15,7 +16,6 @@ from jaxsim.spatial.quaternion import (
     quat_rotate,
     quat_to_matrix,
 )
-from jaxsim.spatial.series import cotangent_defect, sinc_half, sine_defect
 
 
 @struct.dataclass

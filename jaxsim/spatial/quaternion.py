@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsim.spatial.series import cos_half, horner, sinc_half
+from jaxsim.arrays.series import cos_half, horner, sinc_half
 
 # Below this norm a quaternion has no direction worth keeping (MuJoCo's mjMINVAL).
 _MIN_NORM = 1e-15

@@ -8,9 +8,9 @@ import pytest
 from oracle import quick_jit
 
 import jaxsim
-from jaxsim.batch.rollout import _compiled
 from jaxsim.collision import detect, find_candidates
 from jaxsim.collision.surfaces import SURFACE, known_surfaces
+from jaxsim.parallel.rollout import _compiled
 
 BALL = '<body pos="{0} 0 .0{1}"><freejoint/><geom size=".1" {2}/></body>'
 KINDS = ("", 'friction=".2"', "", 'margin=".01"', 'friction=".2"')

@@ -20,8 +20,8 @@ from oracle import assert_close, quick_jit
 from random_models import CONSTRAINED, random_model
 from scenes import SCENES
 
+from jaxsim.engine.step import forward, inverse
 from jaxsim.io import load
-from jaxsim.step import forward, inverse
 
 CASES = [(name, "pyramidal") for name in SCENES] + [("floor", "elliptic"), ("pile", "elliptic")]
 GYMNASIUM = (

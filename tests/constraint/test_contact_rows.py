@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import jaxsim
+from jaxsim.arrays.indexing import sum_by
 from jaxsim.constraint.contact_rows import contact_rows
-from jaxsim.dynamics.tree import accumulate_outward, sum_by
+from jaxsim.dynamics.tree import accumulate_outward
 from jaxsim.spatial import skew
 
 TREE = """

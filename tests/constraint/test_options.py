@@ -12,10 +12,10 @@ from oracle import assert_close, quick_jit
 from scenes import FLOOR, PILE
 
 import jaxsim
+from jaxsim.engine.pipeline import evaluate
+from jaxsim.engine.step import forward
 from jaxsim.io import load
 from jaxsim.model import ModelError, make_state
-from jaxsim.pipeline import evaluate
-from jaxsim.step import forward
 
 # One of each kind: a limit, dry friction, an equality and a contact.
 MIXED = """

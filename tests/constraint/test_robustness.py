@@ -7,9 +7,9 @@ import pytest
 from oracle import quick_jit
 
 import jaxsim
+from jaxsim.engine.step import forward, step
 from jaxsim.io import load
 from jaxsim.model import make_state
-from jaxsim.step import forward, step
 
 # A light body between heavy ones, all in contact, beside a pendulum at its stop.
 SCENE = """

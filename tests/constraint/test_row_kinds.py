@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import jaxsim
+from jaxsim.arrays.indexing import sum_by
 from jaxsim.constraint.jacobian import DenseRows, DofRows, add_products, link_rows
-from jaxsim.dynamics.tree import accumulate_outward, sum_by
+from jaxsim.dynamics.tree import accumulate_outward
 
 TREE = """
 <mujoco><worldbody>

@@ -10,21 +10,21 @@ from oracle import quick_jit
 from random_models import random_model, random_states
 
 from jaxsim.dynamics.aba import forward_dynamics, solve_mass
-from jaxsim.dynamics.coordinates import integrate_pos
 from jaxsim.dynamics.coriolis import coriolis_matrix
 from jaxsim.dynamics.crba import composite_mass_matrix
-from jaxsim.dynamics.energy import kinetic_energy, potential_energy
 from jaxsim.dynamics.jacobian import body_jacobians
 from jaxsim.dynamics.kinematics import kinematics
-from jaxsim.dynamics.momentum import (
+from jaxsim.dynamics.rnea import inverse_dynamics, qfrc_bias
+from jaxsim.dynamics.velocity import velocities
+from jaxsim.forces.spring import qfrc_spring
+from jaxsim.io import load
+from jaxsim.joints.coordinates import integrate_pos
+from jaxsim.quantities.energy import kinetic_energy, potential_energy
+from jaxsim.quantities.momentum import (
     centroidal_momentum,
     centroidal_momentum_matrix,
     subtree_velocities,
 )
-from jaxsim.dynamics.rnea import inverse_dynamics, qfrc_bias
-from jaxsim.dynamics.spring import qfrc_spring
-from jaxsim.dynamics.velocity import velocities
-from jaxsim.io import load
 
 SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 20))]
 

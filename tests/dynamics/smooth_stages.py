@@ -7,12 +7,12 @@ from oracle import assert_close, quick_jit, stack
 from random_models import random_states
 
 from jaxsim.dynamics.aba import solve_mass
-from jaxsim.dynamics.actuation import actuation
 from jaxsim.dynamics.kinematics import kinematics
-from jaxsim.dynamics.passive import passive_forces
 from jaxsim.dynamics.rnea import qfrc_bias
 from jaxsim.dynamics.velocity import velocities
-from jaxsim.integrate import Instant, integrate
+from jaxsim.engine.integrate import Instant, integrate
+from jaxsim.forces.actuation import actuation
+from jaxsim.forces.passive import passive_forces
 from jaxsim.io import load
 from jaxsim.model import make_state
 

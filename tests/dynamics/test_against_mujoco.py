@@ -10,13 +10,13 @@ from random_models import binary_tree, chain, forest, random_model, random_state
 
 from jaxsim.dynamics.aba import solve_mass
 from jaxsim.dynamics.crba import composite_mass_matrix
-from jaxsim.dynamics.energy import kinetic_energy, potential_energy
 from jaxsim.dynamics.kinematics import kinematics
-from jaxsim.dynamics.momentum import subtree_velocities
 from jaxsim.dynamics.rnea import qfrc_bias
 from jaxsim.dynamics.velocity import velocities
-from jaxsim.io import load
-from jaxsim.model import ModelError, build, make_state
+from jaxsim.io import build, load
+from jaxsim.model import ModelError, make_state
+from jaxsim.quantities.energy import kinetic_energy, potential_energy
+from jaxsim.quantities.momentum import subtree_velocities
 
 FILES = asset_files()
 

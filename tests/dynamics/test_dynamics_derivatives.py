@@ -11,12 +11,12 @@ from oracle import quick_jit
 from random_models import random_model, random_states
 
 from jaxsim.dynamics.aba import solve_mass
-from jaxsim.dynamics.coordinates import integrate_pos
-from jaxsim.dynamics.energy import joint_spring_energy, kinetic_energy, potential_energy
 from jaxsim.dynamics.kinematics import kinematics
 from jaxsim.dynamics.rnea import qfrc_bias
 from jaxsim.dynamics.velocity import velocities
 from jaxsim.io import load
+from jaxsim.joints.coordinates import integrate_pos
+from jaxsim.quantities.energy import joint_spring_energy, kinetic_energy, potential_energy
 
 # What is differentiated; the first is a displacement in the tangent space of qpos.
 LEAVES = (

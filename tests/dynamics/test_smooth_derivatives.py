@@ -10,9 +10,9 @@ from random_models import random_states
 from smooth_models import FLUID, arm, kitchen_sink
 from smooth_stages import evaluate
 
-from jaxsim.dynamics.coordinates import difference_pos, integrate_pos
-from jaxsim.integrate import integrate
+from jaxsim.engine.integrate import integrate
 from jaxsim.io import load
+from jaxsim.joints.coordinates import difference_pos, integrate_pos
 from jaxsim.model import make_state
 
 STEP = 1e-6

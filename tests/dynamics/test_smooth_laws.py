@@ -10,12 +10,12 @@ from random_models import random_states
 from smooth_models import FLUID, kitchen_sink
 from smooth_stages import evaluate
 
-from jaxsim.dynamics.coordinates import integrate_pos
-from jaxsim.dynamics.derivatives import damping_matrix, smooth_damping
 from jaxsim.dynamics.rnea import qfrc_bias
-from jaxsim.dynamics.spring import qfrc_spring
 from jaxsim.dynamics.transmission import actuator_moment
+from jaxsim.forces.derivatives import damping_matrix, smooth_damping
+from jaxsim.forces.spring import qfrc_spring
 from jaxsim.io import load
+from jaxsim.joints.coordinates import integrate_pos
 from jaxsim.model import make_state
 
 STILL_FLUID = 'density="1.2" viscosity=".3"'

@@ -9,10 +9,10 @@ from oracle import assert_close, quick_jit
 from random_models import from_parents, random_model, random_states
 
 from jaxsim.dynamics.aba import forward_dynamics
-from jaxsim.dynamics.coordinates import integrate_pos
 from jaxsim.dynamics.crba import mass_matrix
 from jaxsim.dynamics.rnea import inverse_dynamics
 from jaxsim.io import load
+from jaxsim.joints.coordinates import integrate_pos
 
 
 @pytest.fixture(scope="module")

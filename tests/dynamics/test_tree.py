@@ -6,14 +6,8 @@ import numpy as np
 import pytest
 from oracle import quick_jit
 
-from jaxsim.dynamics.tree import (
-    accumulate_inward,
-    accumulate_outward,
-    inward,
-    outward,
-    sum_by,
-    take,
-)
+from jaxsim.arrays.indexing import sum_by, take
+from jaxsim.dynamics.tree import accumulate_inward, accumulate_outward, inward, outward
 from jaxsim.model.topology import MIN_SCAN, Forest
 
 

@@ -7,7 +7,7 @@ from oracle import quick_jit
 
 import jaxsim
 from jaxsim.envs import make, randomize
-from jaxsim.model import set_const
+from jaxsim.io import set_const
 
 
 def test_factors_are_within_their_ranges(key):

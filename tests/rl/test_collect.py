@@ -7,7 +7,7 @@ import pytest
 from jax.sharding import Mesh, PartitionSpec
 
 from jaxsim import envs
-from jaxsim.batch.devices import device_mesh, parallel
+from jaxsim.parallel.devices import device_mesh, parallel
 from jaxsim.rl import collect as module
 from jaxsim.rl.collect import collect, start_actors
 

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.sharding import PartitionSpec
 
-from jaxsim.batch.devices import AXIS, device_mesh, parallel
+from jaxsim.parallel.devices import AXIS, device_mesh, parallel
 from jaxsim.rl.normalize import RunningStatistics, discounted_returns
 
 

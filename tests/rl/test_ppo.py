@@ -7,7 +7,7 @@ import optax
 import pytest
 
 from jaxsim import envs
-from jaxsim.batch.devices import AXIS
+from jaxsim.parallel.devices import AXIS
 from jaxsim.rl import config, ppo, train
 from jaxsim.rl.config import ConfigError
 from jaxsim.rl.ppo import PPO, Sample

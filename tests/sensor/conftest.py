@@ -7,9 +7,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from jaxsim.dynamics.external import external_wrench
 from jaxsim.dynamics.kinematics import kinematics
 from jaxsim.dynamics.velocity import velocities
+from jaxsim.forces.external import external_wrench
 from jaxsim.sensor import Signals
 
 WORLD = """

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from mujoco_records import record
 
-from jaxsim.model import build
+from jaxsim.io import build
 from jaxsim.sensor import sensordata
 
 XML = """

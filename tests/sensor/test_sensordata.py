@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from mujoco_records import evaluated, record, rollout
 
-from jaxsim.model import ModelError, build
+from jaxsim.io import build
+from jaxsim.model import ModelError
 from jaxsim.sensor import SUPPORTED, Signals, needs, sensordata
 
 

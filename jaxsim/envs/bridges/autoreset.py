@@ -9,11 +9,11 @@ from gymnasium.vector import AutoresetMode
 from jax.sharding import Mesh
 from jaxtyping import Array, Bool, Float
 
-from jaxsim.batch import vmap
-from jaxsim.batch.devices import EVERYWHERE, SPLIT, parallel
+from jaxsim.batching import vmap
 from jaxsim.envs.base import Env
 from jaxsim.envs.bridges.batch import Batch, reset_where, restart, step_all
 from jaxsim.envs.bridges.spaces import public_info
+from jaxsim.parallel.devices import EVERYWHERE, SPLIT, parallel
 
 
 @struct.dataclass

@@ -19,9 +19,9 @@ from flax import struct
 from jax import lax
 from jaxtyping import Array, Bool, Float
 
-from jaxsim.batch import vmap
-from jaxsim.batch.chunks import even_lanes, map_chunks
+from jaxsim.batching import vmap
 from jaxsim.envs.base import Env, EnvState
+from jaxsim.parallel.chunks import even_lanes, map_chunks
 
 RESET_LANES = 64  # environments that are reset together
 

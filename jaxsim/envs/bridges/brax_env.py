@@ -12,7 +12,7 @@ from typing import Any
 from flax import struct
 from jaxtyping import Array, Float
 
-from jaxsim.batch import vmap
+from jaxsim.batching import vmap
 from jaxsim.envs.base import Env, EnvState
 from jaxsim.envs.registry import make
 from jaxsim.model import Model

@@ -5,7 +5,7 @@ import importlib.resources
 import mujoco
 
 from jaxsim.envs.base import Env
-from jaxsim.model import build
+from jaxsim.io import build
 from jaxsim.viz import Frames
 
 MODES = ("rgb_array",)

@@ -7,10 +7,10 @@ import gymnasium
 import jax
 import numpy as np
 
-from jaxsim.batch.devices import compiled
 from jaxsim.envs.base import Env, EnvState
 from jaxsim.envs.bridges import batch, render, spaces
 from jaxsim.envs.registry import make
+from jaxsim.parallel.devices import compiled
 
 
 class GymnasiumEnv(gymnasium.Env):

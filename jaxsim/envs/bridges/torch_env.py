@@ -14,12 +14,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxsim.batch.devices import SPLIT, shardings
 from jaxsim.envs.base import Env
 from jaxsim.envs.bridges.autoreset import Outcome
 from jaxsim.envs.bridges.batch import Batch
 from jaxsim.envs.bridges.spaces import public_info
 from jaxsim.envs.bridges.vector import GymnasiumVectorEnv
+from jaxsim.parallel.devices import SPLIT, shardings
 
 
 def to_torch(tree: Any) -> Any:

@@ -10,11 +10,11 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from jaxsim.batch.devices import dividing_mesh, everywhere
 from jaxsim.envs.base import Env, EnvState
 from jaxsim.envs.bridges import autoreset, batch, render
 from jaxsim.envs.bridges.spaces import action_space, observation_space, public_info, vector_info
 from jaxsim.envs.registry import make
+from jaxsim.parallel.devices import dividing_mesh, everywhere
 
 
 class GymnasiumVectorEnv(VectorEnv):

@@ -1,0 +1,144 @@
+"""Functions with a derivative of their own keep it.
+
+The batched call is wrapped anew in `jax.custom_jvp` or `jax.custom_vjp`, whose rules are the
+derivatives that `jax.jvp` and `jax.vjp` find for the original call, evaluated for all lanes.
+So nothing needs to be known about how the original rule is stored.
+"""
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from flax import struct
+from jax.custom_derivatives import SymbolicZero
+
+from jaxsim.batching import params
+
+
+def custom_call(lanes, eqn, values, flags):
+    """A call of a `custom_jvp` or `custom_vjp` function."""
+    form = params.read(eqn)
+    if form is None:
+        return None
+    wrap = with_jvp if form.kind == "jvp" else with_vjp
+    return wrap(lanes, eqn, flags, lambda *xs: lanes.evaluate_full(form.body, xs, flags))(*values)
+
+
+def linear_solve(lanes, eqn, values, flags):
+    """A solve whose derivatives are solves: each of its programs runs for all lanes."""
+    form = params.read(eqn)
+    if form is None:
+        return None
+    first = sum(form.counts.values())
+    b = [lanes.materialise(v, f) for v, f in zip(values[first:], flags[first:], strict=True)]
+    begin, programs = 0, {}
+    for name, body in form.parts.items():
+        end = begin + form.counts[name]
+        on = [*flags[begin:end], *[True] * len(b)]
+        if body is not None:
+            run = functools.partial(lanes.evaluate_full, body, flags=on)
+            programs[name] = jax.make_jaxpr(lambda *xs, run=run: run(xs))(*values[begin:end], *b)
+        begin = end
+    return eqn.primitive.bind(*values[:first], *b, **form.replace(programs))
+
+
+def with_jvp(lanes, eqn, flags, batched: Callable) -> Callable:
+    """`batched`, whose forward derivative is that of the equation."""
+    one_lane = params.rebind(eqn)
+    call = jax.custom_jvp(batched)
+
+    def rule(primals, tangents):
+        moving = [not isinstance(t, SymbolicZero) for t in tangents]
+
+        def derivative(*values):
+            xs, ts = values[: len(flags)], list(values[len(flags) :])
+            partial, starts = _restrict(one_lane, xs, moving)
+            out, dots = jax.jvp(partial, starts, ts)
+            return [*out, *(d for d in dots if d.dtype != jax.dtypes.float0)]
+
+        values = [*primals, *_where(moving, tangents)]
+        results = lanes.apply(derivative, values, [*flags, *_where(moving, flags)])
+        out, dots = results[: len(eqn.outvars)], iter(results[len(eqn.outvars) :])
+        return out, [next(dots) if _is_smooth(o) else _no_tangent(o) for o in out]
+
+    call.defjvp(rule, symbolic_zeros=True)
+    return call
+
+
+def with_vjp(lanes, eqn, flags, batched: Callable) -> Callable:
+    """`batched`, whose backward derivative is that of the equation."""
+    one_lane, count = params.rebind(eqn), len(eqn.outvars)
+    smooth = [_is_smooth(v.aval) for v in eqn.invars]
+    call = jax.custom_vjp(batched)
+
+    def forward(*primals):
+        structure = []
+
+        def derivative(*xs):
+            partial, starts = _restrict(one_lane, xs, smooth)
+            out, pull = jax.vjp(partial, *starts)
+            leaves, treedef = jax.tree.flatten(pull)
+            structure.append(treedef)
+            return [*out, *leaves]
+
+        program = lanes.trace(derivative, primals, flags)
+        results, on = lanes.evaluate(program, primals, flags)
+        out = [lanes.materialise(v, f) for v, f in zip(results[:count], on[:count], strict=True)]
+        return out, Residuals(results[count:], tuple(on[count:]), structure[0])
+
+    def backward(saved: Residuals, cotangents):
+        def derivative(*values):
+            leaves, given = values[: len(saved.flags)], iter(values[len(saved.flags) :])
+            cts = [next(given) if _is_smooth(c) else c[..., 0] for c in cotangents]
+            return list(jax.tree.unflatten(saved.treedef, leaves)(cts))
+
+        given = [c for c in cotangents if _is_smooth(c)]
+        on = [*saved.flags, *[True] * len(given)]
+        found = lanes.apply(derivative, [*saved.leaves, *given], on)
+        on = _where(smooth, flags)
+        found = iter([x if f else jnp.sum(x, -1) for x, f in zip(found, on, strict=True)])
+        return tuple(next(found) if s else None for s in smooth)
+
+    call.defvjp(forward, backward)
+    return call
+
+
+@struct.dataclass
+class Residuals:
+    """What the backward pass needs: the leaves of the original's pullback, and its structure."""
+
+    leaves: list
+    flags: tuple = struct.field(pytree_node=False)
+    treedef: Any = struct.field(pytree_node=False)
+
+
+def _restrict(f: Callable, xs, moving) -> tuple[Callable, list]:
+    """The function of its moving operands, and their values."""
+
+    def partial(*some):
+        rest = iter(some)
+        return f(*[next(rest) if m else x for x, m in zip(xs, moving, strict=True)])
+
+    return partial, _where(moving, xs)
+
+
+def _where(mask, items) -> list:
+    return [item for item, m in zip(items, mask, strict=True) if m]
+
+
+def _is_smooth(x) -> bool:
+    """Has tangents other than zero; also false for the float0 cotangent of an integer."""
+    return jnp.issubdtype(x.dtype, jnp.inexact)
+
+
+def _no_tangent(x):
+    return np.zeros(x.shape, jax.dtypes.float0)
+
+
+RULES = {
+    **dict.fromkeys(("custom_jvp_call", "custom_vjp_call"), custom_call),
+    "custom_linear_solve": linear_solve,
+}

@@ -1,0 +1,87 @@
+"""Which values of a program depend on the lane: a forward pass over its equations.
+
+One boolean per value. A result is batched as soon as one operand is; loops are iterated to a
+fixpoint, so that a counter or a table carried through `scan` stays one value for all lanes.
+"""
+
+from collections.abc import Sequence
+
+from jax.extend import core as jex
+
+from jaxsim.batching import params
+from jaxsim.batching.anywhere import anywhere_p, in_lanes_p
+
+Flags = list[bool]
+
+
+def program_flags(program: params.Program, flags: Sequence[bool]) -> Flags:
+    """Flags of a program's results, from those of its operands."""
+    jaxpr = program.jaxpr
+    env = dict(zip(jaxpr.invars, flags, strict=True))
+
+    def look_up(atom):
+        return not isinstance(atom, jex.Literal) and env.get(atom, False)
+
+    for eqn in jaxpr.eqns:
+        out = equation_flags(eqn, [look_up(v) for v in eqn.invars])
+        env.update(zip(eqn.outvars, out, strict=True))
+    return [look_up(v) for v in jaxpr.outvars]
+
+
+def equation_flags(eqn, flags: Sequence[bool]) -> Flags:
+    """Flags of an equation's results, from those of its operands."""
+    flags = list(flags)
+    if not any(flags) or eqn.primitive in (anywhere_p, in_lanes_p):
+        return [False] * len(eqn.outvars)
+    match params.read(eqn):
+        case params.Scan() as form:
+            return scan_flags(form, flags)
+        case params.While() as form:
+            return while_flags(form, flags)[0]
+        case params.Cond() as form if not flags[0]:
+            return cond_flags(form, flags[1:])
+        case params.Jit(body=body) | params.Remat(body=body):
+            return program_flags(body, flags)
+        case _:
+            return [True] * len(eqn.outvars)
+
+
+def scan_flags(form: params.Scan, flags: Flags) -> Flags:
+    """Smallest flags of (carry, scanned results) that one more step does not enlarge."""
+    first, last = form.num_consts, form.num_consts + form.num_carry
+    consts, carry, xs = flags[:first], flags[first:last], flags[last:]
+    while True:
+        out = program_flags(form.body, consts + carry + xs)
+        grown = _union(carry, out)
+        if grown == carry:
+            return carry + out[form.num_carry :]
+        carry = grown
+
+
+def while_flags(form: params.While, flags: Flags) -> tuple[Flags, bool]:
+    """Smallest flags of the carry, and whether the condition depends on the lane.
+
+    When it does, lanes stop at different times: everything the body changes is then batched.
+    """
+    first, last = form.num_cond_consts, form.num_cond_consts + form.num_body_consts
+    cond_consts, body_consts, carry = flags[:first], flags[first:last], flags[last:]
+    body = form.body.jaxpr
+    changed = [o is not i for o, i in zip(body.outvars, body.invars[last - first :], strict=True)]
+    while True:
+        (predicate,) = program_flags(form.cond, cond_consts + carry)
+        grown = _union(carry, program_flags(form.body, body_consts + carry))
+        if predicate:
+            grown = _union(grown, changed)
+        if grown == carry:
+            return carry, predicate
+        carry = grown
+
+
+def cond_flags(form: params.Cond, flags: Flags) -> Flags:
+    """Flags of a branching on an index that all lanes share."""
+    out = [program_flags(branch, flags) for branch in form.branches]
+    return [any(column) for column in zip(*out, strict=True)]
+
+
+def _union(a: Sequence[bool], b: Sequence[bool]) -> Flags:
+    return [x or y for x, y in zip(a, b, strict=False)]

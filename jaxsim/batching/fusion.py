@@ -1,0 +1,103 @@
+"""Where the fusion of XLA's compiler for CPUs ends.
+
+It computes an operand again in every operation that it fuses with, which for a chain grows
+exponentially. A call that is not inlined is computed once; the optimisation barrier is no help, as
+it is removed before operations are fused. The compiler for GPUs weighs what it computes again
+against what it stores. There each such call would be a kernel more, or several, and they would take
+most of the time; so for other platforms nothing of this is part of the program.
+"""
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import jax
+from jax.experimental.xla_metadata import set_xla_metadata
+from jax.extend import core as jex
+from jax.interpreters import ad, batching, mlir
+
+from jaxsim.batching import params
+
+
+def not_inlined():
+    """A context in which calls of compiled functions stay calls."""
+    return set_xla_metadata(inlineable="false")
+
+
+def computed(x):
+    """The same `x`, computed before it is used."""
+    return own_kernel(_identity, x)
+
+
+def _identity(x):
+    return x
+
+
+def own_kernel(f: Callable, x, **options):
+    """`f(x, **options)`, which a CPU computes by itself, once for all uses.
+
+    Its derivatives are those of f and no kernels of their own. `f` takes and returns one array, and
+    the options are hashable.
+    """
+    kind: Any = params.element(x, None)
+    if kind is x:  # it varies over the devices of a `jax.shard_map`, and is traced as it is
+        program = jax.make_jaxpr(functools.partial(f, **options))(x)
+    else:
+        program = _program(f, kind, tuple(options.items()), jax.sharding.get_abstract_mesh())
+    return own_kernel_p.bind(x, program=program)
+
+
+@functools.lru_cache(maxsize=1024)
+def _program(f: Callable, kind, options: tuple, mesh):
+    """The function's program; within `jax.shard_map` its types name the mesh, that of now."""
+    del mesh
+    return jax.make_jaxpr(functools.partial(f, **dict(options)))(kind)
+
+
+def _type(x, *, program):
+    (result,) = program.out_avals
+    return params.varying_like(result, x)
+
+
+def _jvp(primals, tangents, *, program):
+    f = functools.partial(_evaluate, program=program)
+    return own_kernel_p.bind(*primals, program=program), jax.jvp(f, primals, tangents)[1]
+
+
+def _transpose(cotangent, x, *, program):
+    if type(cotangent) is ad.Zero:
+        return [ad.Zero(x.aval)]
+    f = functools.partial(_evaluate, program=program)
+    return jax.linear_transpose(f, x.aval)(cotangent)
+
+
+def _batch(values, axes, *, program):
+    """`jax.vmap` of the function, batch first."""
+    f = jax.vmap(functools.partial(_evaluate, program=program), axes)
+    batched = jax.make_jaxpr(f)(params.element(values[0], None))
+    return own_kernel_p.bind(values[0], program=batched), 0
+
+
+def _evaluate(x, *, program):
+    (result,) = jex.jaxpr_as_fun(program)(x)
+    return result
+
+
+def _call(x, *, program):
+    with not_inlined():
+        return _compiled(program)(x)
+
+
+@functools.lru_cache(maxsize=1024)
+def _compiled(program) -> Callable:
+    return jax.jit(functools.partial(_evaluate, program=program))
+
+
+own_kernel_p = jex.Primitive("own_kernel")
+own_kernel_p.def_impl(jax.jit(own_kernel_p.bind, static_argnames="program"))
+own_kernel_p.def_abstract_eval(_type)
+ad.primitive_jvps[own_kernel_p] = _jvp
+ad.primitive_transposes[own_kernel_p] = _transpose
+batching.primitive_batchers[own_kernel_p] = _batch
+mlir.register_lowering(own_kernel_p, mlir.lower_fun(_evaluate, multiple_results=False))
+mlir.register_lowering(own_kernel_p, mlir.lower_fun(_call, multiple_results=False), platform="cpu")

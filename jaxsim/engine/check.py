@@ -1,0 +1,57 @@
+"""`check`: trouble that compiled code reported as data becomes a message, on the host."""
+
+import jax
+import numpy as np
+
+from jaxsim.engine.step import Forward, Status
+from jaxsim.model import State
+
+
+class SimulationError(RuntimeError):
+    """A simulation went wrong; the message says how and what to do."""
+
+
+def check(result: State | Forward | Status) -> None:
+    """Raise if a result, of one environment or of a batch, shows trouble.
+
+    Args:
+      result: a state, or what `forward` returns, or its `status`; on the host, not inside `jit`.
+
+    Raises:
+      SimulationError: some numbers are not finite, or contacts found no slot.
+      TypeError: the result is of another type.
+    """
+    if isinstance(result, State):
+        _check_finite(result.qpos, result.qvel)
+    elif isinstance(result, Forward):
+        _check_finite(result.qacc)
+        check(result.status)
+    elif isinstance(result, Status):
+        _check_status(result)
+    else:
+        raise TypeError(f"check takes a State, a Forward or a Status, got {type(result).__name__}")
+
+
+def _check_finite(*arrays: jax.Array) -> None:
+    flat = [np.asarray(a) for a in arrays]
+    bad = sum(~np.isfinite(a).all(axis=-1) for a in flat) > 0
+    if np.any(bad):
+        raise SimulationError(
+            f"{int(np.sum(bad))} of {np.size(bad)} environments have numbers that are not finite; "
+            "use a smaller timestep, softer contacts (a larger solref time constant) or more "
+            "armature"
+        )
+
+
+def _check_status(status: Status) -> None:
+    lost = np.asarray(status.contact_overflow)
+    if lost.max(initial=0) > 0:
+        raise SimulationError(
+            f"up to {int(lost.max())} contacts found no slot in {int((lost > 0).sum())} of "
+            f"{lost.size} environments; load the model with a larger max_contacts or max_geom_pairs"
+        )
+    if not np.all(np.asarray(status.finite)):
+        raise SimulationError(
+            "the constraint solver met numbers that are not finite; use a smaller timestep or "
+            "check masses that differ by many orders of magnitude"
+        )

@@ -1,0 +1,1 @@
+"""What pushes: actuators, springs, dampers, fluid, gravity compensation, applied wrenches."""

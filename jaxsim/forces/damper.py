@@ -1,0 +1,37 @@
+"""Dampers of joints and tendons, and how their forces change with velocity."""
+
+import jax.numpy as jnp
+import mujoco
+from jaxtyping import Array, Float
+
+from jaxsim.arrays.polynomial import damping_force, damping_slope
+from jaxsim.dynamics.reflected import dof_damping, tendon_damping
+from jaxsim.dynamics.tendon import tendon_force_on_joints, tendon_velocity
+from jaxsim.model import Model
+
+_DAMPER = mujoco.mjtDisableBit.mjDSBL_DAMPER
+
+
+def qfrc_damper(model: Model, qvel: Float[Array, "nv"]) -> Float[Array, "nv"]:
+    """Forces `-k(|v|) v` of all dampers, those of actuators included."""
+    if model.opt.disabled(_DAMPER):
+        return jnp.zeros_like(qvel)
+    force = damping_force(*dof_damping(model), qvel)
+    if model.has_tendon_damping:
+        along = damping_force(*tendon_damping(model), tendon_velocity(model, qvel))
+        force = force + tendon_force_on_joints(model, along)
+    return force
+
+
+def dof_damping_slope(model: Model, qvel: Float[Array, "nv"]) -> Float[Array, "nv"]:
+    """Diagonal of `-d force / d qvel` of the joints' dampers, zero if they are switched off."""
+    if model.opt.disabled(_DAMPER):
+        return jnp.zeros_like(qvel)
+    return damping_slope(*dof_damping(model), qvel)
+
+
+def tendon_damping_slope(model: Model, qvel: Float[Array, "nv"]) -> Float[Array, "ntendon"]:
+    """The tendons' dampers: b of `-d force / d qvel = J^T diag(b) J`."""
+    if model.opt.disabled(_DAMPER):
+        return jnp.zeros_like(model.tendon_damping)
+    return damping_slope(*tendon_damping(model), tendon_velocity(model, qvel))

@@ -1,0 +1,129 @@
+"""How smooth forces change with velocity: what the implicit integrators need.
+
+The conventions of MuJoCo's `mjd_smooth_vel`: actuators that are at the limit of their force count
+as constant, and limits of joints and tendons on actuator forces are left out.
+"""
+
+import jax
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+from flax import struct
+from jaxtyping import Array, Float
+
+from jaxsim.dynamics.kinematics import Kinematics
+from jaxsim.dynamics.rnea import generalized_force, qfrc_bias
+from jaxsim.dynamics.tendon import tendon_jacobian
+from jaxsim.dynamics.transmission import scalar_actuators, scalar_damping
+from jaxsim.dynamics.velocity import Velocities, velocities
+from jaxsim.forces.actuation import Actuation, disabled_actuators, gains
+from jaxsim.forces.damper import dof_damping_slope, tendon_damping_slope
+from jaxsim.forces.fluid import has_fluid, link_drag
+from jaxsim.model import Model
+
+_ACTUATION = mujoco.mjtDisableBit.mjDSBL_ACTUATION
+_AFFINE = (int(mujoco.mjtGain.mjGAIN_AFFINE), int(mujoco.mjtGain.mjGAIN_MUSCLE))
+_AFFINE_BIAS = int(mujoco.mjtBias.mjBIAS_AFFINE)
+
+
+@struct.dataclass
+class Damping:
+    """`-d force / d qvel` of passive and actuator forces, as `diag(d) + sum_links J^T K J + D`.
+
+    Attributes:
+      diagonal: d, of joint dampers and of actuators of hinges and slides.
+      link_matrix: K of each link by drag, tree order; None without drag.
+      dense: D of everything else; None without.
+    """
+
+    diagonal: Float[Array, "nv"]
+    link_matrix: Float[Array, "njnt 6 6"] | None
+    dense: Float[Array, "nv nv"] | None
+
+
+def smooth_damping(
+    model: Model, kin: Kinematics, vel: Velocities, qvel: Float[Array, "nv"], actuation: Actuation
+) -> Damping:
+    """Derivative of passive and actuator forces with respect to velocity, negative, symmetric.
+
+    Args:
+      model: the model.
+      kin: its kinematics.
+      vel: its link velocities.
+      qvel: velocities.
+      actuation: what the actuators do at this instant.
+    """
+    slope = _actuator_slope(model, actuation)
+    diagonal = dof_damping_slope(model, qvel)
+    dense = None
+    _, others = scalar_actuators(model)
+    if slope is not None:
+        diagonal = diagonal - scalar_damping(model, actuation.transmission, slope)
+        if _depends_on_velocity(model)[others].any():
+            rows = actuation.transmission.rows
+            dense = -(rows.T * slope[others][None]) @ rows
+    if model.has_tendon_damping:
+        J = tendon_jacobian(model)
+        along = (J.T * tendon_damping_slope(model, qvel)[None]) @ J
+        dense = along if dense is None else dense + along
+    drag = link_drag(model, kin, vel) if has_fluid(model) else None
+    if dense is not None:
+        # Like MuJoCo, which stores no entries for joints on different branches of the tree.
+        moves = model.tree.moves[model.tree.dof_node][:, model.structure.dof_position]
+        related = moves[model.structure.dof_position]
+        dense = jnp.where(related | related.T, dense, 0)
+    return Damping(diagonal=diagonal, link_matrix=drag, dense=dense)
+
+
+def damping_matrix(model: Model, kin: Kinematics, damping: Damping) -> Float[Array, "nv nv"]:
+    """The dense matrix of a `Damping`."""
+    matrix = jnp.diag(damping.diagonal)
+    if damping.dense is not None:
+        matrix = matrix + damping.dense
+    if damping.link_matrix is None:
+        return matrix
+
+    def drag(qvel):
+        twist = velocities(model, kin, qvel).cvel
+        wrench = jax.vmap(lambda K, v: K @ v)(damping.link_matrix, twist)
+        return generalized_force(model, kin, wrench)
+
+    return matrix + jax.vmap(drag)(jnp.eye(model.nv, dtype=matrix.dtype))
+
+
+def bias_derivative(
+    model: Model, kin: Kinematics, qvel: Float[Array, "nv"]
+) -> Float[Array, "nv nv"]:
+    """`d qfrc_bias / d qvel`, Coriolis and centrifugal forces; not symmetric."""
+    return jax.jacfwd(lambda v: qfrc_bias(model, kin, velocities(model, kin, v)))(qvel)
+
+
+def smooth_velocity_derivative(
+    model: Model, kin: Kinematics, qvel: Float[Array, "nv"], actuation: Actuation
+) -> Float[Array, "nv nv"]:
+    """`d qfrc_smooth / d qvel`: passive and actuator forces minus the bias."""
+    vel = velocities(model, kin, qvel)
+    damping = smooth_damping(model, kin, vel, qvel, actuation)
+    return -damping_matrix(model, kin, damping) - bias_derivative(model, kin, qvel)
+
+
+def _depends_on_velocity(model: Model) -> np.ndarray:
+    """(nu,) whether the type of an actuator allows its force to depend on velocity; static."""
+    by_type = np.isin(model.actuator_gaintype, _AFFINE) | (model.actuator_biastype == _AFFINE_BIAS)
+    return by_type & ~disabled_actuators(model)
+
+
+def _actuator_slope(model: Model, actuation: Actuation) -> Float[Array, "nu"] | None:
+    """Derivative of actuator forces by their velocities; None if no actuator has any."""
+    depends = _depends_on_velocity(model)
+    if model.opt.disabled(_ACTUATION) or not depends.any():
+        return None
+    length, velocity = actuation.actuator_length, actuation.actuator_velocity
+    ones = jnp.ones_like(velocity)
+    _, gain_slope = jax.jvp(lambda v: gains(model, length, v), (velocity,), (ones,))
+    bias_slope = jnp.where(model.actuator_biastype == _AFFINE_BIAS, model.actuator_biasprm[:, 2], 0)
+    slope = gain_slope * actuation.actuator_input + bias_slope
+    low, high = model.actuator_forcerange[:, 0], model.actuator_forcerange[:, 1]
+    force = actuation.actuator_force
+    saturated = np.asarray(model.actuator_forcelimited, bool) & ((force <= low) | (force >= high))
+    return jnp.where(depends & ~saturated, slope, 0)

@@ -1,0 +1,72 @@
+"""From a compiled `mujoco.MjModel` to a `Model`; the only place where input is validated."""
+
+import dataclasses
+from typing import Any
+
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+
+from jaxsim.io.features import features
+from jaxsim.io.frames import effective_frames
+from jaxsim.io.singular import check_mass_matrix
+from jaxsim.model.model import Model, Option, Statistic
+from jaxsim.model.names import Names
+from jaxsim.model.structure import ARRAYS, SIZES, Structure
+from jaxsim.model.validate import check_physics, check_supported
+
+_STATIC_OPTIONS = (
+    "integrator cone solver iterations ls_iterations disableflags enableflags disableactuator"
+).split()
+
+_STATIC = {f.name for f in dataclasses.fields(Model) if not f.metadata.get("pytree_node", True)}
+
+
+def build(mj: mujoco.MjModel) -> Model:
+    """Convert a compiled model.
+
+    Args:
+      mj: a model compiled by MuJoCo.
+
+    Returns:
+      The model, its numbers in JAX's default float type.
+
+    Raises:
+      ModelError: the model asks for something that is not supported, or its physics is invalid.
+    """
+    check_supported(mj)
+    structure = Structure(
+        sizes={name: int(getattr(mj, name)) for name in SIZES},
+        arrays={name: _static_array(mj, name) for name in ARRAYS},
+        names=Names.from_mujoco(mj),
+        **features(mj),
+    )
+    names = {f.name for f in dataclasses.fields(Model)} - _STATIC - {"opt", "stat"}
+    leaves = {name: getattr(mj, name) for name in sorted(names)} | effective_frames(mj)
+    model = Model(
+        structure=structure,
+        opt=_option(mj.opt),
+        stat=Statistic(
+            **{n: _leaf(getattr(mj.stat, n)) for n in ("meaninertia", "meanmass", "extent")}
+        ),
+        **{name: _leaf(value) for name, value in leaves.items()},
+    )
+    check_physics(model)
+    check_mass_matrix(mj)
+    return model
+
+
+def _leaf(value) -> Any:
+    # A copy: MuJoCo's arrays are views into a buffer that changes under us.
+    return jnp.asarray(np.array(value, np.float64), dtype=jnp.result_type(float))
+
+
+def _static_array(mj: mujoco.MjModel, name: str) -> np.ndarray:
+    value = np.array(getattr(mj, name))
+    return value if value.dtype == bool else value.astype(np.int64)
+
+
+def _option(opt) -> Option:
+    names = [f.name for f in dataclasses.fields(Option)]
+    static = {name: int(getattr(opt, name)) for name in _STATIC_OPTIONS}
+    return Option(**static, **{n: _leaf(getattr(opt, n)) for n in names if n not in static})

@@ -1,0 +1,1 @@
+"""Joint types: what the coordinates of a joint do to its link."""
