@@ -13,7 +13,10 @@ import json
 import os
 import pathlib
 import platform
+import shlex
 import statistics
+import subprocess
+import sys
 import textwrap
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -169,14 +172,25 @@ def table(rows: Iterable[dict], columns: Sequence[str] | None = None) -> str:
     return "\n".join("  ".join(line) for line in aligned)
 
 
+def table_markdown(rows: Iterable[dict], columns: Sequence[str] | None = None) -> str:
+    """Rows as a table of Markdown; numbers as in `table`."""
+    rows = list(rows)
+    columns = columns or list(dict.fromkeys(key for row in rows for key in row))
+    lines = [columns, ["---"] + ["---:"] * (len(columns) - 1)]
+    lines += [[_text(row.get(c, "")) for c in columns] for row in rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
 def _text(value) -> str:
     if value is None:
         return ""
+    if isinstance(value, int):
+        return f"{value:,}"
     if not isinstance(value, float):
         return textwrap.shorten(str(value), 70)
-    if value == 0 or 1e-2 <= abs(value) < 1e4:
+    if value == 0 or 1e-2 <= abs(value) < 1e3:
         return f"{value:.3g}"
-    return f"{value:,.0f}" if abs(value) >= 1e4 else f"{value:.1e}"
+    return f"{value:,.0f}" if abs(value) >= 1e3 else f"{value:.1e}"
 
 
 def write(
@@ -194,11 +208,26 @@ def write(
         return
     target = options.out / (options.name or pathlib.Path(script).stem)
     target.parent.mkdir(parents=True, exist_ok=True)
-    text = json.dumps({"machine": machine(), **record}, indent=1, default=float)
+    made = {"command": _command(script), "commit": _commit(), "machine": machine()}
+    text = json.dumps({**made, **record}, indent=1, default=float)
     target.with_suffix(".json").write_text(text + "\n")
     if draw is not None:
         save_figure(target.with_suffix(".png"), draw)
     print(f"written to {target}.json")
+
+
+def _command(script: str) -> str:
+    """What was typed to run the script."""
+    return shlex.join(["python", f"benchmarks/{pathlib.Path(script).name}", *sys.argv[1:]])
+
+
+def _commit() -> str:
+    """The commit that was measured; "+" marks changes that were not committed."""
+    git = ["git", "-C", str(RESULTS), "describe", "--always", "--exclude=*", "--dirty=+"]
+    try:
+        return subprocess.run(git, capture_output=True, text=True, check=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
 
 
 def save_figure(path: pathlib.Path, draw: Callable) -> None:

@@ -34,6 +34,26 @@ def common(monkeypatch):
     return common
 
 
+@pytest.fixture
+def page(monkeypatch):
+    """The generator of the benchmarks' page."""
+    monkeypatch.syspath_prepend(str(SCRIPTS))
+    import page
+
+    return page
+
+
+def test_page_is_that_of_the_results(page):
+    """After a measurement, `python benchmarks/page.py` writes the page anew."""
+    assert page.main(["--check"]) == 0
+
+
+def test_page_has_every_result(page):
+    text = page.page()
+    for file in (SCRIPTS / "results").glob("*.json"):
+        assert json.loads(file.read_text())["command"] in text, file.name
+
+
 @pytest.mark.parametrize("script", ["dynamics.py", "solver.py", "throughput.py"])
 def test_help_says_what_is_measured(script):
     assert "MuJoCo C" in run(script, "--help")

@@ -1,0 +1,307 @@
+"""Writes `benchmarks/README.md` from the JSON files in `results/`: tables, machines, commands.
+
+Nothing on the page is written by hand but the lines below, which say what a number means.
+`--check` writes nothing and fails where the page is out of date.
+"""
+
+import argparse
+import dataclasses
+import itertools
+import json
+import pathlib
+import statistics
+import textwrap
+from collections.abc import Callable, Iterable
+
+from common import RESULTS, table_markdown
+
+PAGE = pathlib.Path(__file__).parent / "README.md"
+
+HEAD = """
+`python benchmarks/page.py` writes this page from the files in `results/`.
+
+Each script prints a table with the error against MuJoCo C beside every time, and writes JSON and a
+plot to `results/` (`--dry` does not). Measure on a quiet machine. Install the extra first:
+`pip install -e ".[bench]"` in a clone. Rates are medians of interleaved samples. Compare rates of
+one table only: machines differ.
+"""
+WIDTH = 120
+
+
+def throughput(record: dict) -> str:
+    """Steps per second of whole batches, engines side by side."""
+    rows = [r for r in record["rows"] if "steps/s" in r]
+    lines = []
+    for model, group in itertools.groupby(rows, lambda r: r["model"]):
+        by = {r["peer"]: r for r in group}
+        ours, c, mjx = (by.get(p, {}) for p in ("jaxsim", "mujoco", "mjx"))
+        ratio = lambda a, b: a["steps/s"] / b["steps/s"] if a and b else None  # noqa: E731
+        lines.append(
+            {
+                "model": model,
+                "jaxsim": ours.get("steps/s"),
+                "MuJoCo C": c.get("steps/s"),
+                "MJX": mjx.get("steps/s"),
+                "to MuJoCo C": ratio(ours, c),
+                "to MJX": ratio(ours, mjx),
+                "Newton steps": ours.get("iterations"),
+                "qacc error": ours.get("qacc error"),
+                "MJX's": mjx.get("qacc error"),
+                "compile s": ours.get("compile s"),
+                "memory MB": ours.get("memory MB"),
+            }
+        )
+    ratios = [line["to MuJoCo C"] for line in lines if line["to MuJoCo C"]]
+    parts = [table_markdown(lines)] if lines else []
+    if len(ratios) > 2:
+        median, worst = statistics.median(ratios), min(ratios)
+        parts.append(f"To MuJoCo C: {median:.1f} in the median, {worst:.2f} at worst.")
+    if record.get("environments"):
+        parts.append(environments(record["environments"]))
+    return "\n\n".join(parts)
+
+
+def environments(rows: list[dict]) -> str:
+    """Steps per second of whole environments, a column for each interface."""
+    lines = []
+    for name, group in itertools.groupby(rows, lambda r: r["environment"]):
+        cells = {f"{r['by']} ({r['envs']:,})": r["env steps/s"] for r in group}
+        lines.append({"environment": name} | cells)
+    return table_markdown(lines)
+
+
+def solver(record: dict) -> str:
+    """Microseconds of a solve, a column for each way, and how they grow with a chain."""
+    lines = []
+    for model, group in itertools.groupby(record["rows"], lambda r: r["model"]):
+        group = [r for r in group if "us" in r]
+        if group:
+            ours = [r for r in group if "median error" in r and r["solver"] != "MJX"]
+            lines.append(
+                {"model": model, "nv": group[0]["nv"], "Newton steps": ours[0]["iterations"]}
+                | {f"{r['solver']} us": r["us"] for r in group}
+                | {"largest qacc error": max(r["qacc error"] for r in ours)}
+            )
+    text = table_markdown(lines)
+    chains = []
+    for links, group in itertools.groupby(record["chains"], lambda r: r["links"]):
+        chains.append({"links": links} | {f"{r['solver']} us": r["us"] for r in group})
+    return text + ("\n\nChains on a plane:\n\n" + table_markdown(chains) if chains else "")
+
+
+def dynamics(record: dict) -> str:
+    """Microseconds per link of an algorithm, by the number of links."""
+    key = lambda r: (r["algorithm"], r["tree"])  # noqa: E731
+    lines = []
+    for (algorithm, tree), group in itertools.groupby(sorted(record["rows"], key=key), key):
+        group = sorted(group, key=lambda r: r["links"])
+        few, many = group[0], group[-1]
+        lines.append(
+            {
+                "algorithm": algorithm,
+                "tree": tree,
+                f"us a link, {few['links']} links": few["jaxsim us"] / few["links"],
+                f"{many['links']} links": many["jaxsim us"] / many["links"],
+                f"to MuJoCo C, {few['links']} links": few["mujoco/jaxsim"],
+                f"{many['links']} links ": many["mujoco/jaxsim"],
+                "largest relative error": max(r["relative error"] for r in group),
+            }
+        )
+    return table_markdown(lines)
+
+
+def scaling(record: dict) -> str:
+    """Steps per second by the size of the batch, a pair of columns for each number of devices."""
+    lines: dict[int, dict] = {}
+    for r in record["rows"]:
+        line = lines.setdefault(r["batch"], {"batch": r["batch"]})
+        many = f", {r['devices']} devices" if r["devices"] > 1 else ""
+        line[r["model"] + many] = r["steps/s"]
+        if r["devices"] > 1:
+            line["efficiency"] = r["efficiency"]
+    return table_markdown(lines.values())
+
+
+def plain(*columns: str, rows: str = "rows") -> Callable[[dict], str]:
+    """The record's own rows; all columns by default."""
+    return lambda record: table_markdown(record[rows], columns or None)
+
+
+@dataclasses.dataclass(frozen=True)
+class Section:
+    """A script, what its numbers mean, and how its records become tables."""
+
+    script: str
+    title: str
+    text: str
+    tables: Callable[[dict], str]
+
+
+SECTIONS = (
+    Section(
+        "throughput",
+        "Steps per second",
+        "Rollouts of whole batches with all cores for each engine: jaxsim, MuJoCo C with "
+        "threads, MJX. The error is the largest difference of accelerations to MuJoCo C "
+        "at states of a rollout, in float32. A solve that few iterations cut short ends "
+        "where MuJoCo C's does; that of five humanoids does not, as MuJoCo C iterates on "
+        "each island of bodies by itself. `--models humanoid --iterations 100` solves to "
+        "MuJoCo's tolerance; `--envs hopper half_cheetah` times whole environments beside "
+        "Gymnasium's.",
+        throughput,
+    ),
+    Section(
+        "scaling",
+        "Batch size and cores",
+        "The humanoid for 50 steps. Efficiency is the rate of all devices over that of "
+        "one times their number.",
+        scaling,
+    ),
+    Section(
+        "profile",
+        "Shares of a step",
+        "Per cent of a step on one core: differences of longer and longer parts of it, so "
+        "that a share of a few per cent is not well known.",
+        plain(),
+    ),
+    Section(
+        "gradients",
+        "Reverse mode",
+        "Gradients through 32 steps on one core. Forward passes: time of the gradient, "
+        "its own forward pass included, over that of a rollout. Bytes are those kept for "
+        "the backward pass, for each environment and step.",
+        plain(
+            "model",
+            "forward us",
+            "gradient us",
+            "forwards",
+            "bytes",
+            "compile s",
+            "error",
+            "float64 to differences",
+        ),
+    ),
+    Section(
+        "precision",
+        "float32",
+        "Random scenes in float32 beside float64 and MuJoCo C.",
+        plain(),
+    ),
+    Section(
+        "solver",
+        "The constraint solver alone",
+        "Microseconds of a solve to MuJoCo's tolerance for each way to invert the "
+        "Hessian. In a batch all environments of a chunk take the steps of the slowest; "
+        "MuJoCo C takes for each as few as it needs.",
+        solver,
+    ),
+    Section(
+        "dynamics",
+        "The recursions",
+        "Kinematics, Newton-Euler (rnea), composite (crba) and articulated bodies (aba), "
+        "and the solve with the mass matrix, for chains and binary trees. An O(n) "
+        "algorithm has the same time per link everywhere.",
+        dynamics,
+    ),
+    Section(
+        "training",
+        "Training",
+        "Medians over seeds of returns against wall time, compilation included: minutes "
+        "until the goal, the last return, and that of the same policy in MuJoCo C.",
+        plain(
+            "env",
+            "algorithm",
+            "seeds",
+            "goal",
+            "reached",
+            "return",
+            "in MuJoCo C",
+            "minutes",
+            "steps",
+            "steps/s",
+            rows="table",
+        ),
+    ),
+    Section(
+        "gpu_programs",
+        "Programs for a GPU",
+        "What XLA makes of a step for an H100, counted without one: kernels, each of "
+        "which costs a few microseconds however small, and the bytes that they read and "
+        "write for each of 8,192 environments. Inner: in loops and branches, counted "
+        'once. Needs `pip install "jax[cuda12]"`, but no GPU.',
+        plain(
+            "model",
+            "by",
+            "kernels",
+            "kB",
+            "inner kernels",
+            "inner kB",
+            "library calls",
+            "compile s",
+        ),
+    ),
+)
+
+
+def page(results: pathlib.Path = RESULTS) -> str:
+    """The page, from all records of a folder."""
+    parts = ["# Benchmarks", *map(_filled, HEAD.strip().split("\n\n")), _contents()]
+    for section in SECTIONS:
+        files = [f for f in sorted(results.glob("*.json")) if _script(f) == section.script]
+        if files:
+            parts += [f"## {section.title}", _filled(section.text)]
+            parts += [_result(section, file) for file in files]
+    return "\n\n".join(parts) + "\n"
+
+
+def _filled(text: str) -> str:
+    return textwrap.fill(" ".join(text.split()), WIDTH, break_long_words=False)
+
+
+def _contents() -> str:
+    lines = ["| command | what it measures |", "| --- | --- |"]
+    there = [s for s in SECTIONS if PAGE.with_name(f"{s.script}.py").exists()]
+    lines += [f"| `python benchmarks/{s.script}.py` | {s.title} |" for s in there]
+    return "\n".join(lines)
+
+
+def _script(file: pathlib.Path) -> str | None:
+    """The script whose record it is: the longest whose name it begins with."""
+    names = [
+        s.script for s in SECTIONS if file.stem == s.script or file.stem.startswith(f"{s.script}_")
+    ]
+    return max(names, key=len, default=None)
+
+
+def _result(section: Section, file: pathlib.Path) -> str:
+    record = json.loads(file.read_text())
+    lines = [f"`{record['command']}`", _where(record), section.tables(record)]
+    picture = file.with_suffix(".png")
+    if picture.exists():
+        lines.append(f"![{section.title}]({RESULTS.name}/{picture.name})")
+    return "\n\n".join(lines)
+
+
+def _where(record: dict) -> str:
+    m = record["machine"]
+    versions = ", ".join(f"{name} {m[name]}" for name in ("jax", "mujoco") if name in m)
+    where = m["cpu"] if m["device"] == "cpu" else f"{m['device']}, {m['cpu']}"
+    return (
+        f"{where}, {m['cores']} cores, load {m['load']}; Python {m['python']}, {versions}; "
+        f"commit {record['commit']}, {m['date']}."
+    )
+
+
+def main(arguments: Iterable[str] | None = None) -> int:
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--check", action="store_true", help="compare, write nothing")
+    check = options.parse_args(arguments).check
+    text = page()
+    if check:
+        return int(PAGE.read_text() != text)
+    PAGE.write_text(text)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
