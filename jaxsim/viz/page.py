@@ -1,0 +1,285 @@
+"""A simulation as one HTML file that plays in a browser, offline."""
+
+import base64
+import dataclasses
+import functools
+import html as escaping
+import importlib.resources
+import json
+import math
+import pathlib
+import re
+from collections.abc import Mapping
+from typing import Any
+
+import jax
+import mujoco
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxsim.engine import forward
+from jaxsim.model import Model, State
+from jaxsim.viz.drawing import Drawing, drawing, moving_bodies, xyzw
+from jaxsim.viz.scene import scene
+
+# Frames are left out, evenly, where the poses would be more numbers than this (2 MB of the page).
+MAX_NUMBERS = 400_000
+# The camera looks along +y from a little above; its distance is so many radii of what moves.
+AZIMUTH, ELEVATION, RADII = 90.0, -15.0, 4.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Page:
+    """An HTML page.
+
+    A notebook shows it where it is the value of a cell.
+
+    Attributes:
+      text: the whole page.
+    """
+
+    text: str
+
+    def save(self, path: str | pathlib.Path) -> pathlib.Path:
+        """Write the page to a file, and return its path."""
+        path = pathlib.Path(path)
+        path.write_text(self.text, encoding="utf-8")
+        return path
+
+    def _repr_html_(self, height: int = 480) -> str:
+        page = escaping.escape(self.text, quote=True)
+        style = f"width: 100%; height: {height}px; border: 0"
+        return f'<iframe srcdoc="{page}" style="{style}"></iframe>'
+
+    def __repr__(self) -> str:
+        return f"Page of {len(self.text) / 1e6:.1f} MB; .save(path) writes it"
+
+
+def html(
+    model: Model | mujoco.MjModel,
+    trajectory: State,
+    *,
+    looks: mujoco.MjModel | None = None,
+    contacts: bool = False,
+    ctrls: Float[Array, "*batch T nu"] | None = None,
+    quantities: Mapping[str, Array] | None = None,
+    ghost: State | None = None,
+    title: str = "",
+) -> Page:
+    """A page that plays a simulation: orbit, scrub, speed, centre of mass, contact forces, plots.
+
+        final, trajectory = jaxsim.rollout(model, state, ctrls)
+        jaxsim.viz.html(model, trajectory).save("run.html")
+
+    The page is one file and needs no network. Environments of a batch stand side by side.
+
+    Args:
+      model: what was simulated; drawn in plain colours, unless `looks` is given.
+      trajectory: states of one environment, stacked (T, ...), or of several (B, T, ...).
+      looks: the compiled source of the model, with its colours, meshes and materials.
+      contacts: also show contact points and the forces on the second geom of each. They are
+        computed by `jaxsim.forward`, which has to compile; it takes a `Model`.
+      ctrls: controls that go with the states, which contact forces depend on; zeros if None.
+      quantities: arrays (T,) or (T, k) to plot under the cursor, by name; of the first environment
+        where there are several.
+      ghost: a second trajectory of the same shape, drawn transparent.
+      title: shown above the picture.
+
+    Returns:
+      The page.
+
+    Raises:
+      TypeError: contacts are asked for, but the model is not a `Model`.
+      ValueError: shapes do not fit together.
+    """
+    source = looks or (scene(model) if isinstance(model, Model) else model)
+    batch = _batched(source, trajectory, "trajectory")
+    envs, steps = batch.qpos.shape[:2]
+    stride = _stride(envs, steps, 7 * len(moving_bodies(source)), ghost is not None)
+    kept = np.arange(0, steps, stride)
+    numbers = _Numbers()
+    poses, start = _poses(source, batch, kept)
+    drawn = drawing(source, start)
+    places = _places(envs, drawn.extent)
+    record = {
+        "times": numbers.add(np.asarray(batch.time)[0, kept]),
+        "geoms": drawn.geoms,
+        "surfaces": [
+            {"points": numbers.add(s.points), "faces": numbers.add(s.faces)} for s in drawn.surfaces
+        ],
+        "moving": drawn.moving.tolist(),
+        "poses": [numbers.add(p) for p in poses],
+        "places": places.tolist(),
+        "ghosts": [numbers.add(p) for p in _ghost_poses(source, ghost, batch, kept)],
+        "com": [numbers.add(p) for p in _centers_of_mass(model, source, poses, drawn.moving)],
+        "series": _series(numbers, quantities or {}, steps, kept),
+        "extent": drawn.extent,
+        "tile": 10 ** round(math.log10(drawn.extent)) / 2,
+        "follow": bool(envs == 1 and _travel(poses[0]) > drawn.extent),
+        "camera": _camera(drawn, places),
+        "force": 0.0,
+        "contacts": [],
+    }
+    if contacts:
+        record |= _contacts(numbers, model, batch, ctrls, kept, drawn.extent)
+    record["numbers"] = numbers.encoded()
+    return Page(_filled(title, record))
+
+
+class _Numbers:
+    """One block of float32 numbers; what is added is found again by its start and length."""
+
+    def __init__(self) -> None:
+        self._parts: list[np.ndarray] = []
+        self._length = 0
+
+    def add(self, array: Any) -> tuple[int, int]:
+        part = np.ascontiguousarray(array, "<f4").ravel()
+        start, self._length = self._length, self._length + part.size
+        self._parts.append(part)
+        return start, part.size
+
+    def encoded(self) -> str:
+        return base64.b64encode(b"".join(p.tobytes() for p in self._parts)).decode()
+
+
+def _batched(source: mujoco.MjModel, trajectory: State, name: str) -> State:
+    """States as NumPy's arrays with two leading axes, environments and time."""
+    shape = np.shape(trajectory.qpos)
+    if not 2 <= len(shape) <= 3 or shape[-1] != source.nq or not np.prod(shape[:-1]):
+        raise ValueError(
+            f"{name}.qpos must have shape (T, {source.nq}) or (B, T, {source.nq}), got {shape}; "
+            "stack states along a leading axis of time, as jaxsim.rollout does"
+        )
+    states = jax.tree.map(np.asarray, trajectory)
+    return states if len(shape) == 3 else jax.tree.map(lambda x: x[None], states)
+
+
+def _stride(envs: int, steps: int, numbers: int, twice: bool) -> int:
+    total = envs * steps * numbers * (2 if twice else 1)
+    return max(1, math.ceil(total / MAX_NUMBERS))
+
+
+def _poses(source: mujoco.MjModel, batch: State, kept: np.ndarray):
+    """(B, T, moving bodies, 7) positions and quaternions, scalar last; data of the first state."""
+    data, moving = mujoco.MjData(source), moving_bodies(source)
+    poses = np.zeros((batch.qpos.shape[0], len(kept), len(moving), 7))
+    for env in reversed(range(len(poses))):
+        for frame, step in reversed(list(enumerate(kept))):
+            data.qpos[:] = batch.qpos[env, step]
+            if source.nmocap:
+                data.mocap_pos[:] = batch.mocap_pos[env, step]
+                data.mocap_quat[:] = batch.mocap_quat[env, step]
+            mujoco.mj_kinematics(source, data)
+            poses[env, frame] = np.concatenate([data.xpos, xyzw(data.xquat)], axis=1)[moving]
+    return poses, data
+
+
+def _ghost_poses(source: mujoco.MjModel, ghost: State | None, batch: State, kept: np.ndarray):
+    if ghost is None:
+        return []
+    states = _batched(source, ghost, "ghost")
+    if states.qpos.shape != batch.qpos.shape:
+        raise ValueError(
+            f"ghost.qpos must have the shape of trajectory.qpos, {batch.qpos.shape}, "
+            f"got {states.qpos.shape}"
+        )
+    return _poses(source, states, kept)[0]
+
+
+def _centers_of_mass(model, source: mujoco.MjModel, poses: np.ndarray, moving: np.ndarray):
+    """(B, T, 3) centres of mass of all that moves; nothing where that has no mass."""
+    mass = np.asarray(model.body_mass, float)[moving]
+    if not mass.sum() > 0:
+        return []
+    local = np.asarray(model.body_ipos, float)[moving]
+    x, y, z, w = np.moveaxis(poses[..., 3:], -1, 0)
+    vector = np.stack([x, y, z], axis=-1)
+    # Rotation by a unit quaternion: p + 2 v x (v x p + w p).
+    turned = local + 2 * np.cross(vector, np.cross(vector, local) + w[..., None] * local)
+    return np.einsum("m,...mk->...k", mass / mass.sum(), poses[..., :3] + turned)
+
+
+def _series(numbers: _Numbers, quantities: Mapping[str, Array], steps: int, kept: np.ndarray):
+    entries = []
+    for name, value in quantities.items():
+        array = np.asarray(value, float)
+        if array.ndim not in (1, 2) or len(array) != steps:
+            raise ValueError(
+                f"quantities[{name!r}] must have shape ({steps},) or ({steps}, k), "
+                f"got {array.shape}"
+            )
+        entries.append({"name": name, "values": numbers.add(array[kept])})
+    return entries
+
+
+def _contacts(numbers: _Numbers, model, batch: State, ctrls, kept: np.ndarray, extent: float):
+    """Points and forces (world axes) of each frame's contacts, and the length of a newton."""
+    if not isinstance(model, Model):
+        raise TypeError("contacts=True needs a jaxsim Model, as its forces are jaxsim's")
+    shape = (*batch.qpos.shape[:2], model.nu)
+    ctrls = (
+        np.zeros(shape) if ctrls is None else np.asarray(ctrls).reshape(-1, *np.shape(ctrls)[-2:])
+    )
+    if ctrls.shape != shape:
+        raise ValueError(f"ctrls must have shape {shape} or {shape[1:]}, got {ctrls.shape}")
+    at = jax.jit(functools.partial(jax.lax.map, lambda x: forward(model, *x).contact))
+    entries, sizes = [], []
+    for env in range(shape[0]):
+        states = jax.tree.map(lambda x, env=env: x[env, kept], batch)
+        ctrl = ctrls[env, kept].astype(batch.qpos.dtype)
+        report = jax.tree.map(np.asarray, at((states, ctrl)))
+        force = np.einsum("tcij,tci->tcj", report.frame, report.force[..., :3])
+        rows = np.concatenate([report.pos, force], axis=-1)[report.active]
+        count = report.active.sum(1)
+        sizes.append(np.linalg.norm(rows[:, 3:], axis=1))
+        entries.append(
+            {
+                "first": numbers.add(np.concatenate([[0], np.cumsum(count)])),
+                "rows": numbers.add(rows),
+                "most": int(count.max(initial=0)),
+            }
+        )
+    # Impacts are many times larger than what carries a body: the page cuts their arrows short.
+    pushing = np.concatenate(sizes)
+    typical = np.median(pushing[pushing > 0]) if (pushing > 0).any() else np.inf
+    return {"contacts": entries, "force": float(0.4 * extent / typical)}
+
+
+def _places(envs: int, extent: float) -> np.ndarray:
+    """(B, 3) where environments stand: a square grid."""
+    columns = math.ceil(math.sqrt(envs))
+    grid = np.stack(np.divmod(np.arange(envs), columns)[::-1], axis=1) * 2.5 * extent
+    return np.concatenate([grid, np.zeros((envs, 1))], axis=1)
+
+
+def _travel(poses: np.ndarray) -> float:
+    """How far the first body goes along the ground."""
+    path = poses[:, :1, :2].reshape(len(poses), -1)
+    return float(np.ptp(path, axis=0).max(initial=0)) if path.size else 0.0
+
+
+def _camera(drawn: Drawing, places: np.ndarray) -> dict[str, Any]:
+    span = float(np.ptp(places, axis=0).max())
+    return {
+        "target": (drawn.center + places.mean(0)).tolist(),
+        "distance": RADII * drawn.extent + 1.2 * span,
+        "azimuth": AZIMUTH,
+        "elevation": ELEVATION if len(places) == 1 else 2 * ELEVATION,
+    }
+
+
+def _filled(title: str, record: dict[str, Any]) -> str:
+    """The page's template with its parts in their places."""
+    parts = {
+        "title": escaping.escape(title) or "jaxsim",
+        "style": _web("viewer.css"),
+        "data": json.dumps(record, separators=(",", ":")).replace("</", "<\\/"),
+        "three": _web("three.min.js"),
+        "viewer": _web("viewer.js"),
+    }
+    return re.sub(r"@(\w+)@", lambda found: parts[found[1]], _web("viewer.html"))
+
+
+def _web(name: str) -> str:
+    return (importlib.resources.files("jaxsim.viz") / "web" / name).read_text(encoding="utf-8")
