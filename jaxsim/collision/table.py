@@ -9,7 +9,10 @@ from collections.abc import Callable
 
 import mujoco
 
+from jaxsim.collision.pairs.box import capsule_box, sphere_box
+from jaxsim.collision.pairs.box_box import box_box
 from jaxsim.collision.pairs.capsule import capsule_capsule, sphere_capsule, sphere_sphere
+from jaxsim.collision.pairs.cylinder import sphere_cylinder
 from jaxsim.collision.pairs.plane import (
     plane_box,
     plane_capsule,
@@ -43,7 +46,11 @@ PAIRS: dict[tuple[int, int], PairFunction] = {
     (PLANE, BOX): PairFunction(plane_box, 4),
     (SPHERE, SPHERE): PairFunction(sphere_sphere, 1),
     (SPHERE, CAPSULE): PairFunction(sphere_capsule, 1),
+    (SPHERE, CYLINDER): PairFunction(sphere_cylinder, 1),
+    (SPHERE, BOX): PairFunction(sphere_box, 1),
     (CAPSULE, CAPSULE): PairFunction(capsule_capsule, 2),
+    (CAPSULE, BOX): PairFunction(capsule_box, 2),
+    (BOX, BOX): PairFunction(box_box, 8),
 }
 
 

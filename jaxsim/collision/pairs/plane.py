@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsim.collision.frames import direction, tangent_along, tangent_of
+from jaxsim.collision.frames import direction, tangent_along, tangent_of, unit
 from jaxsim.collision.shapes import Contacts, Shape
 
 
@@ -43,11 +43,13 @@ def plane_cylinder(plane: Shape, cylinder: Shape) -> Contacts:
     lowest rim point; its first point is then along its own x axis.
     """
     radius, half_length = cylinder.size[0], cylinder.size[1]
-    rising = plane.axis @ cylinder.axis > 0
-    down = jnp.where(rising, -cylinder.axis, cylinder.axis)
-    radial, _ = direction(down * (plane.axis @ down) - plane.axis, cylinder.mat[:, 0])
-    rim = radial * radius
-    side = jnp.cross(radial, down) * (radius * np.sqrt(3.0).item() / 2)
+    normal = cylinder.mat.T @ plane.axis
+    down = jnp.where(normal[2] > 0, -cylinder.axis, cylinder.axis)
+    # In the cylinder's own axes: a radial vector taken from the world's would be rounding noise,
+    # not orthogonal to the axis, where the cylinder almost stands.
+    radial, _ = direction(-normal * jnp.array([1, 1, 0], normal.dtype), unit(0, normal))
+    rim = cylinder.mat @ radial * radius
+    side = jnp.cross(rim, down) * (np.sqrt(3.0).item() / 2)
     lower, upper = cylinder.pos + down * half_length, cylinder.pos - down * half_length
     points = jnp.stack([lower + rim, upper + rim, lower - rim / 2 + side, lower - rim / 2 - side])
     return _at_points(plane, points, tangent_of(plane.axis))
