@@ -87,7 +87,7 @@ def _option_rows(name: str, options: tuple[Option, ...]):
     yield from ("| name | default | meaning |", "| --- | --- | --- |")
     for option in options:
         assert option.meaning, f"{name}: {option.name} is not described under Attributes"
-        file = f"`jaxsim/envs/assets/{name}.xml`"
+        file = f"`jaxsim/assets/{name}.xml`"
         default = file if option.name == "model" else f"`{option.default}`"
         yield f"| `{option.name}` | {default} | {option.meaning.rstrip('.')} |"
 

@@ -110,7 +110,8 @@ def test_bundled_model_is_stable_in_mujoco(name, bundled):
     assert pairs <= CHEAP_PAIRS
 
 
-@pytest.mark.parametrize("name", MODELS)
+# Gymnasium's robot lies 36 mm deep in the floor when it starts to stand up.
+@pytest.mark.parametrize("name", [name for name in MODELS if name != "humanoid_standup"])
 def test_bundled_model_starts_without_penetration(name, bundled):
     model = bundled(name)
     data = mujoco.MjData(model)

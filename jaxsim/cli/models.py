@@ -2,12 +2,11 @@
 
 import argparse
 import re
-from importlib import resources
 
 import mujoco
 
 from jaxsim.cli.report import listing
-from jaxsim.io import bundled_models
+from jaxsim.io import bundled_models, bundled_xml
 
 
 def run(_: argparse.Namespace) -> int:
@@ -17,7 +16,7 @@ def run(_: argparse.Namespace) -> int:
 
 
 def _row(name: str) -> tuple[str, int, int, int, str]:
-    xml = (resources.files("jaxsim") / "assets" / f"{name}.xml").read_text("utf-8")
+    xml = bundled_xml(name)
     model = mujoco.MjModel.from_xml_string(xml)
     return name, model.nq, model.nv, model.nu, _header(xml)
 

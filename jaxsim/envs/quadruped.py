@@ -8,8 +8,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from jaxsim.envs.base import Task, static
 from jaxsim.envs.moment import Moment
-from jaxsim.envs.start import start_from, uniform
-from jaxsim.io import load
+from jaxsim.envs.start import load_asset, start_from, uniform
 from jaxsim.model import Model
 from jaxsim.spatial import quat_from_axis_angle, quat_inv_rotate
 
@@ -58,7 +57,7 @@ class Quadruped(Task):
       reset_noise_scale: spread of the start.
     """
 
-    model: Model = struct.field(default_factory=lambda: load("quadruped"))
+    model: Model = struct.field(default_factory=lambda: load_asset("quadruped"))
     frame_skip: int = static(5)
     command_range: tuple[float, float, float] = (1.0, 0.5, 1.0)
     command_period: float = 5.0

@@ -1,21 +1,20 @@
 """Models of the tasks, and random states to start from."""
 
 import functools
-import importlib.resources
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from jaxsim.io import load
+from jaxsim.io import bundled_xml, load
 from jaxsim.model import Model, State, make_state
 
 
 def load_asset(name: str, **options) -> Model:
-    """The model in `jaxsim/envs/assets/<name>.xml`; loaded once.
+    """The bundled model of this name, whatever files the working directory holds; loaded once.
 
     Args:
-      name: name of the file, without `.xml`.
+      name: one of `jaxsim.io.bundled_models()`.
       options: arguments of `jaxsim.load`.
     """
     return _load_asset(name, jax.dtypes.canonicalize_dtype(float).name, **options)
@@ -24,7 +23,7 @@ def load_asset(name: str, **options) -> Model:
 @functools.cache
 def _load_asset(name: str, dtype: str, **options) -> Model:
     with jax.ensure_compile_time_eval():  # a model is never part of a traced program
-        return load(str(importlib.resources.files("jaxsim") / f"envs/assets/{name}.xml"), **options)
+        return load(bundled_xml(name), **options)
 
 
 def uniform(key: PRNGKeyArray, n: int, scale: float | Array) -> Float[Array, "n"]:

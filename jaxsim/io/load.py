@@ -65,8 +65,7 @@ def compile_mujoco(source) -> mujoco.MjModel:
     if isinstance(source, str) and source.lstrip().startswith("<"):
         return _compiled(lambda: mujoco.MjModel.from_xml_string(source), "the XML string")
     if isinstance(source, (str, os.PathLike)):
-        path = _find(source)
-        return _compiled(lambda: mujoco.MjModel.from_xml_path(str(path)), str(path))
+        return _compiled_file(source)
     raise TypeError(
         "load takes a path, an XML string, the name of a bundled model, a mujoco.MjSpec or a "
         f"mujoco.MjModel, got {type(source).__name__}"
@@ -80,22 +79,33 @@ def bundled_models() -> tuple[str, ...]:
     )
 
 
-def _assets():
-    return importlib.resources.files("jaxsim") / "assets"
+def bundled_xml(name: str) -> str:
+    """The MJCF of a model that comes with the package.
 
-
-def _find(source: str | os.PathLike) -> pathlib.Path:
-    path = pathlib.Path(source)
-    if path.is_file():
-        return path
-    name, models = os.fspath(source), bundled_models()
+    Raises:
+      FileNotFoundError: no bundled model has this name.
+    """
+    models = bundled_models()
     if name in models:
-        return pathlib.Path(str(_assets() / f"{name}.xml"))
+        return (_assets() / f"{name}.xml").read_text("utf-8")
     near = difflib.get_close_matches(name, models, n=3)
     hint = (
         f"did you mean {' or '.join(near)}?" if near else f"bundled models are {', '.join(models)}"
     )
     raise FileNotFoundError(f"there is no file and no bundled model called {name!r}; {hint}")
+
+
+def _assets():
+    return importlib.resources.files("jaxsim") / "assets"
+
+
+def _compiled_file(source: str | os.PathLike) -> mujoco.MjModel:
+    """A file of that path, else a bundled model of that name."""
+    path = pathlib.Path(source)
+    if path.is_file():
+        return _compiled(lambda: mujoco.MjModel.from_xml_path(str(path)), str(path))
+    xml = bundled_xml(os.fspath(source))
+    return _compiled(lambda: mujoco.MjModel.from_xml_string(xml), f"the bundled model {source}")
 
 
 def _compiled(compile_, what: str) -> mujoco.MjModel:

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.extend import core as jex
+from leg import LEG
 from oracle import quick_jit
 
 import jaxsim
@@ -27,15 +28,15 @@ def loops(program) -> int:
 
 
 @pytest.fixture(scope="module")
-def hopper():
+def leg():
     """A model whose solver iterates, standing on the ground."""
-    model = jaxsim.load("hopper")
+    model = jaxsim.load(LEG)
     state = jaxsim.make_state(model)
     return model, state.replace(qvel=state.qvel + 0.1), jnp.full((model.nu,), 0.3)
 
 
-def test_nothing_is_solved_twice(hopper):
-    model, state, ctrl = hopper
+def test_nothing_is_solved_twice(leg):
+    model, state, ctrl = leg
 
     def loss(wrap):
         return lambda ctrl: jnp.sum(wrap(jaxsim.step)(model, state, ctrl).qvel)
@@ -48,7 +49,7 @@ def test_nothing_is_solved_twice(hopper):
 
 
 def test_same_gradient(x64):
-    model = jaxsim.load("hopper")
+    model = jaxsim.load(LEG)
     state = jaxsim.make_state(model)
 
     def loss(f):
@@ -65,9 +66,9 @@ def test_same_gradient(x64):
     np.testing.assert_allclose(kept, plain, rtol=1e-9, atol=1e-12)
 
 
-def test_a_rollout_remembers_states(hopper):
+def test_a_rollout_remembers_states(leg):
     """Numbers kept for the backward pass, per step: about those of a state."""
-    model, state, ctrl = hopper
+    model, state, ctrl = leg
     ctrls = jnp.tile(ctrl, (STEPS, 1))
     _, backward = jax.vjp(lambda u: jaxsim.rollout(model, state, u), ctrls)
     kept = sum(x.size for x in jax.tree.leaves(backward) if jnp.ndim(x) and x.shape[0] == STEPS)

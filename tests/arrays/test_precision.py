@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import pytest
 from jax import lax
+from leg import LEG
 
 import jaxsim
 from jaxsim.arrays.precision import full_precision
@@ -30,8 +31,8 @@ def _assert_full(f, *args):
 
 @pytest.fixture(scope="module", params=["articulated", "dense", "iterative"])
 def scene(request):
-    """A hopper, whose products differ with the solve."""
-    model = jaxsim.load("hopper", hessian=request.param)
+    """A robot, whose products differ with the solve."""
+    model = jaxsim.load(LEG, hessian=request.param)
     return model, jaxsim.make_state(model), jnp.zeros(model.nu)
 
 

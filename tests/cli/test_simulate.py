@@ -41,7 +41,7 @@ def test_report_names_what_was_run(capsys):
     report = capsys.readouterr().out
     assert "pendulum (nq 1, nv 1, nu 1)" in report
     assert "6 on 2 cpu device(s)" in report
-    assert "25 of 0.01 s" in report
+    assert "25 of 0.05 s" in report
     assert "steps per second" in report
     assert "compile time" in report
 

@@ -127,3 +127,9 @@ def test_all_registered_names_resolve():
     assert {*CHEAP, *MEDIUM} <= set(jaxsim.envs.names())
     for name in (*CHEAP, *MEDIUM):
         assert issubclass(jaxsim.envs.spec(name).load(), jaxsim.envs.Env)
+
+
+def test_a_file_in_the_working_directory_is_no_task(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "fast").write_text("<mujoco/>")
+    assert load_asset("fast", hessian="dense").nv > 0  # an argument of its own: not yet loaded

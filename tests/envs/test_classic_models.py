@@ -11,7 +11,7 @@ import jaxsim
 
 NAMES = ("inverted_pendulum", "inverted_double_pendulum", "reacher", "swimmer")
 ASSETS = pathlib.Path(gymnasium.__file__).parent / "envs/mujoco/assets"
-OURS = pathlib.Path(jaxsim.__file__).parent / "envs/assets"
+OURS = pathlib.Path(jaxsim.__file__).parent / "assets"
 PHYSICS = tuple(
     "body jnt dof geom site tendon actuator eq pair exclude sensor qpos opt key wrap".split()
 )

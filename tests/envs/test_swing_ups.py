@@ -60,7 +60,7 @@ def test_acrobot_reward_by_hand(qpos, expected):
 
 
 def test_acrobot_target_is_where_the_tip_can_be():
-    mj = mujoco.MjModel.from_xml_path(str(resources.files("jaxsim") / "envs/assets/acrobot.xml"))
+    mj = mujoco.MjModel.from_xml_path(str(resources.files("jaxsim") / "assets/acrobot.xml"))
     data = mujoco.MjData(mj)
     mujoco.mj_forward(mj, data)
     np.testing.assert_allclose(data.site("tip").xpos, data.site("target").xpos, atol=1e-12)

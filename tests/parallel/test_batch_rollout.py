@@ -101,7 +101,7 @@ def _for_gpus(f, ctrls):
 @pytest.mark.parametrize("quantity", ["rollout", pytest.param("gradient", marks=pytest.mark.slow)])
 def test_programs_for_gpus(quantity):
     """The programs for CUDA, run on a CPU, give what those for a CPU give, up to rounding."""
-    model = jaxsim.load("hopper")
+    model = jaxsim.load("half_cheetah")
     states = jax.tree.map(lambda x: jnp.stack([x, x]), jaxsim.make_state(model))
     rollout = lambda ctrls: jaxsim.batch_rollout(model, states, ctrls)  # noqa: E731
     loss = lambda ctrls: jnp.sum(rollout(ctrls).qpos ** 2)  # noqa: E731

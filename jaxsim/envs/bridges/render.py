@@ -1,11 +1,9 @@
 """Frames for Gymnasium's `render_mode="rgb_array"`."""
 
-import importlib.resources
-
 import mujoco
 
 from jaxsim.envs.base import Env
-from jaxsim.io import build
+from jaxsim.io import build, bundled_models, bundled_xml
 from jaxsim.viz import Frames
 
 MODES = ("rgb_array",)
@@ -33,8 +31,7 @@ def frames(env: Env, width: int, height: int, camera: int | str | None) -> Frame
 def _source(env: Env) -> mujoco.MjModel | None:
     """The compiled file of a bundled task, unless the environment has got another model since."""
     package, _, name = type(env.unwrapped).__module__.rpartition(".")
-    file = importlib.resources.files("jaxsim") / f"envs/assets/{name}.xml"
-    if package != "jaxsim.envs" or not file.is_file():
+    if package != "jaxsim.envs" or name not in bundled_models():
         return None
-    mj = mujoco.MjModel.from_xml_path(str(file))
+    mj = mujoco.MjModel.from_xml_string(bundled_xml(name))
     return mj if build(mj).structure == env.unwrapped.model.structure else None
