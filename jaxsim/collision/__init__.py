@@ -1,6 +1,12 @@
 """Collision detection: shape pairs, candidate pairs of a model, contact parameters, detection."""
 
-from jaxsim.collision.candidates import Candidates, PairGroup, find_candidates, is_movable
+from jaxsim.collision.candidates import (
+    Candidates,
+    PairGroup,
+    find_candidates,
+    is_movable,
+    model_candidates,
+)
 from jaxsim.collision.contact import Block, Contact, ContactKind
 from jaxsim.collision.detect import detect
 from jaxsim.collision.parameters import contact_parameters
@@ -22,4 +28,5 @@ __all__ = [
     "detect",
     "find_candidates",
     "is_movable",
+    "model_candidates",
 ]

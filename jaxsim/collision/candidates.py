@@ -16,6 +16,7 @@ import numpy as np
 from jaxsim.collision.contact import Block, ContactKind
 from jaxsim.collision.table import PAIRS, supported_pairs, type_name
 from jaxsim.model.errors import ModelError
+from jaxsim.model.facts import fact
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -123,9 +124,20 @@ def find_candidates(
     for name, limit in (("max_geom_pairs", max_geom_pairs), ("max_contacts", max_contacts)):
         if limit is not None and np.min(limit, initial=1) < 1:
             raise ModelError(f"{name} must be a positive number or None, got {limit}")
+    return Candidates(pair_groups(model), max_geom_pairs, max_contacts)
+
+
+def model_candidates(model: Any) -> Candidates:
+    """The candidates of a `Model` within its own budget."""
+    return find_candidates(model, model.max_geom_pairs, model.max_contacts)
+
+
+@fact()
+def pair_groups(model: Any) -> tuple[PairGroup, ...]:
+    """All candidate pairs, ordered by kind, then by types, then by geoms; errors as there."""
     rows = candidate_pairs(model)
     _check_supported(model, rows)
-    return Candidates(_grouped(model, rows), max_geom_pairs, max_contacts)
+    return _grouped(model, rows)
 
 
 def candidate_pairs(model: Any) -> np.ndarray:
@@ -209,7 +221,9 @@ def _ordered_by_type(model: Any, rows: np.ndarray) -> np.ndarray:
 
 
 def _check_supported(model: Any, rows: np.ndarray) -> None:
-    for geom1, geom2, _ in rows:
+    types = np.asarray(model.geom_type)[rows[:, :2]]
+    first = np.unique(types, axis=0, return_index=True)[1]
+    for geom1, geom2 in rows[np.sort(first), :2]:
         types = tuple(int(model.geom_type[g]) for g in (geom1, geom2))
         if types not in PAIRS:
             raise ModelError(
@@ -239,15 +253,15 @@ def _condim(model: Any, rows: np.ndarray) -> np.ndarray:
 
 
 def _grouped(model: Any, rows: np.ndarray) -> tuple[PairGroup, ...]:
-    types = np.asarray(model.geom_type)[rows[:, :2]]
     movable = is_movable(model, rows[:, :2])
-    kinds = [
-        ContactKind(condim, tuple(sides))
-        for condim, sides in zip(_condim(model, rows).tolist(), movable.tolist(), strict=True)
-    ]
-    keys = sorted(zip(kinds, types.tolist(), rows.tolist(), strict=True))
-    groups = []
-    for (kind, pair_types), members in itertools.groupby(keys, key=lambda k: (k[0], tuple(k[1]))):
-        geom1, geom2, pair = np.array([row for _, _, row in members]).T
-        groups.append(PairGroup(pair_types, kind, geom1, geom2, pair))
-    return tuple(groups)
+    types = np.asarray(model.geom_type)[rows[:, :2]]
+    keys = np.concatenate([_condim(model, rows)[:, None], movable, types], axis=1).astype(int)
+    order = np.lexsort(np.concatenate([keys, rows], axis=1).T[::-1])
+    starts = np.nonzero(np.diff(keys[order], axis=0, prepend=-1).any(axis=1))[0]
+    return tuple(_group(keys[run[0]], rows[run]) for run in np.split(order, starts)[1:])
+
+
+def _group(key: np.ndarray, rows: np.ndarray) -> PairGroup:
+    condim, movable1, movable2, *types = key.tolist()
+    kind = ContactKind(condim, (bool(movable1), bool(movable2)))
+    return PairGroup(tuple(types), kind, *rows.T)

@@ -22,24 +22,18 @@ from jaxsim.collision.contact import Contact
 from jaxsim.collision.parameters import contact_margin, contact_parameters
 from jaxsim.collision.selection import within_reach
 from jaxsim.collision.shapes import Contacts, Shape
-from jaxsim.collision.surfaces import known_surfaces
 from jaxsim.collision.table import PAIRS
 
 
 @dataclasses.dataclass
 class _Slots:
-    """Contact slots under construction: geometry, and the pair to which each slot belongs.
-
-    The surfaces are geoms with the contact parameters of the slot's geoms (see `known_surfaces`).
-    """
+    """Contact slots under construction: geometry, and the pair to which each slot belongs."""
 
     contacts: Contacts
     frame: Float[Array, "n 3 3"]
     geom1: Index
     geom2: Index
     pair: Index
-    surface1: Index
-    surface2: Index
 
 
 def detect(
@@ -61,16 +55,14 @@ def detect(
       differentiable with respect to poses and sizes, parameters with respect to the model.
     """
     shapes = Shape(geom_xpos, geom_xmat, jnp.asarray(model.geom_size, geom_xpos.dtype))
-    alike = known_surfaces(model)
-    surface = np.arange(model.ngeom) if alike is None else np.array(alike, int)
     parts, overflow = [], jnp.zeros((), int)
     for block, groups in zip(candidates.blocks, candidates.by_kind().values(), strict=True):
-        found = [_evaluate(model, g, surface, shapes, candidates.max_geom_pairs) for g in groups]
+        found = [_evaluate(model, g, shapes, candidates.max_geom_pairs) for g in groups]
         slots, lost = _deepest(model, _joined([s for s, _ in found]), block.stop - block.start)
         overflow = overflow + lost + sum(n for _, n in found)
         parts.append(slots)
     slots = _joined(parts) if parts else _empty(geom_xpos.dtype)
-    values = contact_parameters(model, slots.surface1, slots.surface2, slots.pair)
+    values = contact_parameters(model, slots.geom1, slots.geom2, slots.pair)
     return Contact(
         dist=slots.contacts.dist,
         pos=slots.contacts.pos,
@@ -85,13 +77,12 @@ def detect(
 
 
 def _evaluate(
-    model: Any, group: PairGroup, surface: np.ndarray, shapes: Shape, max_pairs: int | None
+    model: Any, group: PairGroup, shapes: Shape, max_pairs: int | None
 ) -> tuple[_Slots, Int[Array, ""] | int]:
     """Exact geometry of a group's pairs, and how many that were left out might be in contact."""
-    surfaces = surface[group.geom1], surface[group.geom2]
-    ids, lost = (group.geom1, group.geom2, group.pair, *surfaces), 0
+    ids, lost = (group.geom1, group.geom2, group.pair), 0
     if max_pairs is not None and max_pairs < len(group):
-        margin = contact_margin(model, *surfaces, group.pair)
+        margin = contact_margin(model, *ids)
         chosen, lost = _closest(group, margin, shapes, max_pairs)
         ids = tuple(_take_ids(i, chosen) for i in ids)
     entry = PAIRS[group.types]
@@ -120,7 +111,7 @@ def _deepest(model: Any, slots: _Slots, count: int) -> tuple[_Slots, Int[Array, 
     dist = slots.contacts.dist
     if len(dist) <= count:
         return slots, 0
-    margin = contact_margin(model, slots.surface1, slots.surface2, slots.pair)
+    margin = contact_margin(model, slots.geom1, slots.geom2, slots.pair)
     chosen, lost = within_reach(lax.stop_gradient(dist - margin.astype(dist.dtype)), count)
     contacts = jax.tree.map(lambda x: x[chosen], slots.contacts)
     ids = (_take_ids(getattr(slots, name), chosen) for name in _IDS)
@@ -134,7 +125,7 @@ def _joined(parts: list[_Slots]) -> _Slots:
     return _Slots(contacts, frame, *(_join_ids([getattr(p, n) for p in parts]) for n in _IDS))
 
 
-_IDS = ("geom1", "geom2", "pair", "surface1", "surface2")
+_IDS = ("geom1", "geom2", "pair")
 
 
 def _join_ids(ids: list[Index]) -> Index:

@@ -11,7 +11,6 @@ joints are numbers while a program is traced, not arguments that may be mapped o
 import functools
 
 import jax
-import jax.numpy as jnp
 import mujoco
 import numpy as np
 from flax import struct
@@ -20,17 +19,13 @@ from jaxtyping import Array, Float
 from jaxsim.arrays.indexing import take
 from jaxsim.joints.types import HINGE, SLIDE
 from jaxsim.model import Model
-from jaxsim.model.known import known_leaves
+from jaxsim.model.facts import fact
 from jaxsim.model.structure import Structure
 from jaxsim.spatial import Inertia
 
 Components = tuple[int, ...]
-Directions = tuple[tuple[tuple[float, ...], ...], ...]
 
 ALL: Components = tuple(range(6))
-
-# The leaves that the directions of the joints depend on.
-DIRECTIONS = ("jnt_axis", "body_quat")
 
 
 @struct.dataclass
@@ -52,31 +47,24 @@ class RestrictedInertia:
         return self.matrix
 
 
-def known_directions(model: Model) -> Directions | None:
-    """The leaves that the directions of the joints depend on, as numbers; None while traced."""
-    numbers = known_leaves(model, DIRECTIONS)
-    return None if numbers is None else tuple(tuple(map(tuple, x.tolist())) for x in numbers)
-
-
-def with_directions(model: Model, directions: Directions | None) -> Model:
-    """The model with these numbers in place of leaves, which a jitted function traces."""
-    if directions is None:
-        return model
-    known = {}
-    with jax.ensure_compile_time_eval():
-        for name, numbers in zip(DIRECTIONS, directions, strict=True):
-            leaf = getattr(model, name)
-            known[name] = jnp.array(numbers, leaf.dtype).reshape(leaf.shape)
-    return model.replace(**known)
-
-
-def motion_components(model: Model) -> Components:
+@fact("jnt_axis", "body_quat", unknown=ALL)
+def motion_components(model: Model, axes: np.ndarray, quats: np.ndarray) -> Components:
     """Which of the six components, angular first, are not zero for all motions of all links.
 
     All of them if the axes of the joints are not known while tracing.
     """
-    directions = known_directions(model)
-    return ALL if directions is None else _components(model.structure, *directions)
+    structure = model.structure
+    hinge, slide = (structure.jnt_type == kind for kind in (HINGE, SLIDE))
+    on_mocap = structure.body_mocapid[structure.body_rootid[structure.jnt_bodyid]] >= 0
+    if structure.njnt == 0 or not (hinge | slide).all() or on_mocap.any():
+        return ALL
+    directions = _world_axes(structure, axes, quats)
+    turns, slides = (np.abs(directions[kind]).max(0, initial=0) > 0 for kind in (hinge, slide))
+    if turns.sum() > 1:
+        return ALL
+    # What turns about an axis carries all other things in the plane across it.
+    linear = slides | ~turns if turns.any() else slides
+    return tuple(np.nonzero(np.concatenate([turns, linear]))[0].tolist())
 
 
 def restrict(components: Components, twists: Float[Array, "*n 6"]) -> Float[Array, "*n c"]:
@@ -101,22 +89,7 @@ def restrict_inertia(components: Components, inertia: Inertia) -> Inertia | Rest
     return RestrictedInertia(restrict_matrix(components, inertia.as_matrix()))
 
 
-@functools.lru_cache(maxsize=64)
-def _components(structure: Structure, axes, quats) -> Components:
-    hinge, slide = (structure.jnt_type == kind for kind in (HINGE, SLIDE))
-    on_mocap = structure.body_mocapid[structure.body_rootid[structure.jnt_bodyid]] >= 0
-    if structure.njnt == 0 or not (hinge | slide).all() or on_mocap.any():
-        return ALL
-    directions = _world_axes(structure, axes, quats)
-    turns, slides = (np.abs(directions[kind]).max(0, initial=0) > 0 for kind in (hinge, slide))
-    if turns.sum() > 1:
-        return ALL
-    # What turns about an axis carries all other things in the plane across it.
-    linear = slides | ~turns if turns.any() else slides
-    return tuple(np.nonzero(np.concatenate([turns, linear]))[0].tolist())
-
-
-def _world_axes(structure: Structure, axes, quats) -> np.ndarray:
+def _world_axes(structure: Structure, axes: np.ndarray, quats: np.ndarray) -> np.ndarray:
     """(njnt, 3) axes of all joints in world axes where no joint has turned.
 
     If all hinges are parallel there, none of them ever turns another one.

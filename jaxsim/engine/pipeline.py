@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from flax import struct
 from jaxtyping import Array, Float
 
-from jaxsim.collision import Contact, detect, find_candidates
+from jaxsim.collision import Contact, detect, model_candidates
 from jaxsim.constraint import Constrained, Scene, constrained_acceleration
 from jaxsim.dynamics.kinematics import Kinematics, kinematics
 from jaxsim.dynamics.rnea import (
@@ -92,6 +92,5 @@ def constraint_scene(
     model: Model, state: State, kin: Kinematics, vel: Velocities
 ) -> tuple[Scene, Contact]:
     """What the constraint rows are computed from."""
-    candidates = find_candidates(model, model.max_geom_pairs, model.max_contacts)
-    contact = detect(model, candidates, kin.geom_xpos, kin.geom_xmat)
+    contact = detect(model, model_candidates(model), kin.geom_xpos, kin.geom_xmat)
     return Scene(model, kin, vel, state.qpos, state.qvel), contact

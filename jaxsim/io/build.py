@@ -3,6 +3,7 @@
 import dataclasses
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import mujoco
 import numpy as np
@@ -57,8 +58,9 @@ def build(mj: mujoco.MjModel) -> Model:
 
 
 def _leaf(value) -> Any:
-    # A copy: MuJoCo's arrays are views into a buffer that changes under us.
-    return jnp.asarray(np.array(value, np.float64), dtype=jnp.result_type(float))
+    # A copy: MuJoCo's arrays are views into a buffer that changes under us. NumPy converts it,
+    # because JAX would compile a program for each shape.
+    return jax.device_put(np.array(value, jnp.result_type(float)))
 
 
 def _static_array(mj: mujoco.MjModel, name: str) -> np.ndarray:

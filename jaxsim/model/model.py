@@ -72,8 +72,6 @@ class Model:
     solves with its Hessian (`hessian`), and how many contacts it keeps (`max_contacts`, for each
     kind) of how many geom pairs (`max_geom_pairs`, for each pair of shapes). The last three are
     arguments of `jaxsim.load`, and so is what Runge-Kutta averages of rotations (`rotations`).
-    `surfaces` is for `jaxsim.batch_rollout`, which tells its program by it what is known of the
-    geoms' contact parameters; leave it alone.
     """
 
     structure: Structure = struct.field(pytree_node=False)
@@ -170,7 +168,6 @@ class Model:
     rotations: str = struct.field(pytree_node=False, default="lie")
     max_contacts: int | tuple[int, ...] | None = struct.field(pytree_node=False, default=None)
     max_geom_pairs: int | None = struct.field(pytree_node=False, default=None)
-    surfaces: tuple[int, ...] | None = struct.field(pytree_node=False, default=None)
 
     @property
     def names(self) -> Names:

@@ -49,7 +49,8 @@ class Structure:
     """Sizes, types, addresses, flags and names of a model, immutable and hashable.
 
     Every field has MuJoCo's name and value; arrays are read-only numpy arrays. The link tree
-    (`tree`) and the body tree (`body_tree`) are derived from them.
+    (`tree`) and the body tree (`body_tree`) are derived from them, and so are facts that other
+    packages declare (see `jaxsim.model.facts`), which are kept in `facts`.
     """
 
     def __init__(
@@ -57,6 +58,7 @@ class Structure:
     ):
         self._fields: dict[str, Any] = {**sizes, **arrays, **extra}
         self.names = names
+        self.facts: dict[str, Any] = {}
         digest = hashlib.sha256(repr((sizes, sorted(extra.items()), names.key)).encode())
         for name, value in arrays.items():
             value.setflags(write=False)

@@ -7,7 +7,7 @@ from typing import Any
 import jax
 from jax import lax
 
-from jaxsim.collision import find_candidates
+from jaxsim.collision import model_candidates
 from jaxsim.model import Model
 from jaxsim.parallel.cpu import keeps_loops
 
@@ -41,7 +41,7 @@ def lane_limits() -> Limits:
 def chunk_lanes(model: Model) -> int:
     """How many environments of a model a CPU should step together."""
     limits = lane_limits()
-    contacts = find_candidates(model, model.max_geom_pairs, model.max_contacts).ncon
+    contacts = model_candidates(model).ncon
     lanes = limits.cached_links // max(model.njnt + 2 * contacts, 1) // VECTOR * VECTOR
     return max(limits.min_lanes, min(limits.max_lanes, lanes))
 

@@ -11,12 +11,12 @@ from jax.sharding import Mesh
 from jaxtyping import Array, Float
 
 from jaxsim.arrays.checkpoint import checkpoint
-from jaxsim.batching.memo import is_traced, once_for_each
+from jaxsim.batching.memo import is_traced
 from jaxsim.batching.vmap import vmap
-from jaxsim.collision.surfaces import Surfaces, known_surfaces
-from jaxsim.dynamics.components import Directions, known_directions, with_directions
+from jaxsim.dynamics.components import motion_components
 from jaxsim.engine.step import step
 from jaxsim.model import Model, State
+from jaxsim.model.facts import Constants
 from jaxsim.parallel.chunks import VECTOR, chunk_lanes, map_chunks
 from jaxsim.parallel.devices import EVERYWHERE, SPLIT, device_mesh, everywhere, parallel, split
 
@@ -57,7 +57,7 @@ def batch_rollout(
     states, ctrls = split(jax.tree.map(pad, (states, ctrls)), mesh)
     if is_traced(ctrls):  # within `jax.jit` everything is
         return alone()
-    run = _compiled(observe, mesh, *_known(model))
+    run = _compiled(observe, mesh, Constants.of(model, motion_components.leaves))
     final, seen = run(everywhere(model, mesh), states, ctrls)
     final, seen = (
         jax.tree.map(lambda x: x[:batch], (final, seen)) if padded > batch else (final, seen)
@@ -65,22 +65,16 @@ def batch_rollout(
     return final if observe is None else (final, seen)
 
 
-@once_for_each
-def _known(model: Model) -> tuple[Directions | None, Surfaces | None]:
-    return known_directions(model), known_surfaces(model)
-
-
 @functools.lru_cache(maxsize=16)
-def _compiled(observe, mesh: Mesh, directions: Directions | None, surfaces: Surfaces | None):
+def _compiled(observe, mesh: Mesh, constants: Constants):
     """The rollout of all chunks on all devices; one compilation for each model structure.
 
-    The directions of the joints are part of the program, so that it can be a planar one, and so is
-    which geoms share their contact parameters, though not the parameters.
+    The directions of the joints are part of the program, so that it can be a planar one.
     """
     platform = mesh.devices.flat[0].platform
 
     def shard(model, states, ctrls):
-        model = with_directions(model, directions).replace(surfaces=surfaces)
+        model = constants.put_into(model)
         advance = functools.partial(step, model)
         return _on_one_device(model, advance, observe, states, ctrls, platform)
 

@@ -10,7 +10,8 @@ import pytest
 from oracle import quick_jit
 
 import jaxsim
-from jaxsim.dynamics.components import ALL, known_directions, motion_components, with_directions
+from jaxsim.dynamics.components import ALL, motion_components
+from jaxsim.model.facts import Constants
 
 PLANAR = """
 <mujoco><option cone="{cone}" timestep=".005"/>
@@ -113,25 +114,27 @@ def test_nothing_is_known_of_what_is_traced():
 
 def test_directions_survive_jit():
     model = jaxsim.load(FOUND["turned"][0])
+    constants = Constants.of(model, motion_components.leaves)
     seen = []
-    known = known_directions(model)
 
     def look(model):
-        assert known_directions(model) is None
-        again = with_directions(model, known)
+        assert motion_components(model) == ALL
+        again = constants.put_into(model)
         seen.append(motion_components(again))
         return again
 
     again = jax.jit(look)(model)
     assert seen == [(1, 3, 5)]
     np.testing.assert_array_equal(again.body_quat, model.body_quat)
-    assert with_directions(model, None) is model
 
 
 def planar(cone="pyramidal", condim=3, self=0, more="", **options):
+    return jaxsim.load(planar_mujoco(cone, condim, self, more), **options)
+
+
+def planar_mujoco(cone="pyramidal", condim=3, self=0, more=""):
     xml = PLANAR.format(cone=cone, condim=condim, self=self, more=more)
-    mj = mujoco.MjModel.from_xml_string(xml)
-    return jaxsim.load(mj, **options)
+    return mujoco.MjModel.from_xml_string(xml)
 
 
 CONNECT = '<equality><connect body1="leg" body2="world" anchor="0 0 .1"/></equality>'
@@ -207,15 +210,46 @@ def test_derivatives_by_axes_that_leave_the_plane(rng, x64):
     np.testing.assert_allclose(slope, (speed(h) - speed(-h)) / (2 * h), rtol=1e-5, atol=1e-6)
 
 
+def out_of_plane(model):
+    """The axes of the joints, with the last one tilted."""
+    return model.jnt_axis.at[-1].set(jnp.array([0.6, 0.8, 0.0]))
+
+
+def test_a_planar_model_that_becomes_spatial(rng, x64):
+    """With another axis it is what a model loaded with that axis is, however it is passed."""
+    model, mj = planar(), planar_mujoco()
+    mj.jnt_axis[-1] = [0.6, 0.8, 0.0]
+    loaded, axis = jaxsim.load(mj), out_of_plane(model)
+    turned = model.replace(jnt_axis=axis)
+    assert (motion_components(model), motion_components(turned)) == ((1, 3, 5), ALL)
+    state = jax.tree.map(lambda x: x[1], states(model, rng))
+
+    def after(model):
+        return jaxsim.step(model, state, jnp.ones(1)).qvel
+
+    def with_axis(axis):
+        return after(model.replace(jnt_axis=axis))
+
+    expected = quick_jit(lambda: after(loaded))()
+    stay = quick_jit(lambda: after(model))()
+    assert np.abs(expected - stay).max() > 1e-3
+    close = functools.partial(np.testing.assert_allclose, rtol=1e-9, atol=1e-9)
+    close(quick_jit(lambda: after(turned))(), expected)
+    close(quick_jit(after)(turned), expected)
+    both = jnp.stack([model.jnt_axis, axis])
+    for vmap in (jax.vmap, jaxsim.vmap):
+        close(quick_jit(vmap(with_axis))(both), [stay, expected])
+    gradient = quick_jit(jax.grad(lambda axis: with_axis(axis) @ jnp.arange(6.0)))(model.jnt_axis)
+    assert np.abs(gradient[:, [0, 2]]).max() > 1e-3  # of directions out of the plane
+
+
 def test_rollouts_of_models_with_other_axes(rng):
     """A compiled rollout is not used for a model whose joints turn about other axes."""
     model = planar()
     batch, ctrls = states(model, rng), jnp.ones((8, 3, 1))
-    axes = np.asarray(model.jnt_axis).copy()
-    axes[-1] = [0.6, 0.8, 0.0]
     rollouts = jax.vmap(lambda m, s, u: jaxsim.rollout(m, s, u)[0], in_axes=(None, 0, 0))
     reference = quick_jit(rollouts)  # of a model that is an argument nothing is known
-    for one in (model, model.replace(jnt_axis=jnp.asarray(axes))):
+    for one in (model, model.replace(jnt_axis=out_of_plane(model))):
         after = jaxsim.batch_rollout(one, batch, ctrls)
         whole = reference(one, batch, ctrls)
         # Float32, with impacts.

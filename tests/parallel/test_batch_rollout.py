@@ -11,6 +11,7 @@ from oracle import quick_jit
 
 import jaxsim
 from jaxsim.parallel.devices import device_mesh, split
+from jaxsim.parallel.rollout import _compiled
 
 BATCH, STEPS = 70, 3  # fills neither devices nor chunks evenly
 
@@ -87,6 +88,25 @@ def test_split():
         assert [shard.data.shape[0] for shard in x.addressable_shards] == [2] * mesh.size
     again = split(cut, mesh)
     np.testing.assert_array_equal(again["jax"], rows)
+
+
+def test_a_program_serves_all_models_of_a_structure(scene):
+    """Only leaves that facts depend on are part of the program; others are its arguments."""
+    model, states, ctrls = scene
+    jaxsim.batch_rollout(model, states, ctrls)
+    programs = _compiled.cache_info().misses
+    heavier = model.replace(body_mass=2 * model.body_mass, body_inertia=2 * model.body_inertia)
+    found = jaxsim.batch_rollout(heavier, states, ctrls).qvel
+    assert _compiled.cache_info().misses == programs
+    np.testing.assert_allclose(
+        found, _expected(heavier, states, ctrls)[0].qvel, rtol=1e-5, atol=1e-6
+    )
+    turned = model.replace(jnt_axis=-model.jnt_axis)
+    found = jaxsim.batch_rollout(turned, states, ctrls).qvel
+    assert _compiled.cache_info().misses == programs + 1
+    np.testing.assert_allclose(
+        found, _expected(turned, states, ctrls)[0].qvel, rtol=1e-5, atol=1e-6
+    )
 
 
 def _for_gpus(f, ctrls):
