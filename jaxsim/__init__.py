@@ -24,7 +24,7 @@ from jaxsim.engine import (
     rollout,
     step,
 )
-from jaxsim.io import load, set_const
+from jaxsim.io import load, set_const, to_mujoco
 from jaxsim.model import Model, ModelError, State, make_state
 from jaxsim.parallel import batch_rollout, configure_cpu
 
@@ -59,5 +59,6 @@ __all__ = [
     "rollout",
     "set_const",
     "step",
+    "to_mujoco",
     "vmap",
 ]

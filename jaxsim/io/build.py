@@ -1,5 +1,6 @@
 """From a compiled `mujoco.MjModel` to a `Model`; the only place where input is validated."""
 
+import copy
 import dataclasses
 from typing import Any
 
@@ -40,6 +41,7 @@ def build(mj: mujoco.MjModel) -> Model:
         sizes={name: int(getattr(mj, name)) for name in SIZES},
         arrays={name: _static_array(mj, name) for name in ARRAYS},
         names=Names.from_mujoco(mj),
+        source=copy.copy(mj),
         **features(mj),
     )
     names = {f.name for f in dataclasses.fields(Model)} - _STATIC - {"opt", "stat"}

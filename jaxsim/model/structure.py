@@ -50,12 +50,19 @@ class Structure:
 
     Every field has MuJoCo's name and value; arrays are read-only numpy arrays. The link tree
     (`tree`) and the body tree (`body_tree`) are derived from them, and so are facts that other
-    packages declare (see `jaxsim.model.facts`), which are kept in `facts`.
+    packages declare (see `jaxsim.model.facts`), which are kept in `facts`. The compiled `source` is
+    kept for drawing and for the way back to MuJoCo; it takes no part in comparisons.
     """
 
     def __init__(
-        self, sizes: dict[str, int], arrays: dict[str, np.ndarray], names: Names, **extra: Any
+        self,
+        sizes: dict[str, int],
+        arrays: dict[str, np.ndarray],
+        names: Names,
+        source: mujoco.MjModel,
+        **extra: Any,
     ):
+        self.source = source
         self._fields: dict[str, Any] = {**sizes, **arrays, **extra}
         self.names = names
         self.facts: dict[str, Any] = {}

@@ -18,9 +18,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsim.engine import forward
+from jaxsim.io import to_mujoco
 from jaxsim.model import Model, State
 from jaxsim.viz.drawing import Drawing, drawing, moving_bodies, xyzw
-from jaxsim.viz.scene import scene
 
 # Frames are left out, evenly, where the poses would be more numbers than this (2 MB of the page).
 MAX_NUMBERS = 400_000
@@ -59,7 +59,6 @@ def html(
     model: Model | mujoco.MjModel,
     trajectory: State,
     *,
-    looks: mujoco.MjModel | None = None,
     contacts: bool = False,
     ctrls: Float[Array, "*batch T nu"] | None = None,
     quantities: Mapping[str, Array] | None = None,
@@ -74,9 +73,8 @@ def html(
     The page is one file and needs no network. Environments of a batch stand side by side.
 
     Args:
-      model: what was simulated; drawn in plain colours, unless `looks` is given.
+      model: what was simulated; of a `mujoco.MjModel` only contact forces cannot be shown.
       trajectory: states of one environment, stacked (T, ...), or of several (B, T, ...).
-      looks: the compiled source of the model, with its colours, meshes and materials.
       contacts: also show contact points and the forces on the second geom of each. They are
         computed by `jaxsim.forward`, which has to compile; it takes a `Model`.
       ctrls: controls that go with the states, which contact forces depend on; zeros if None.
@@ -92,7 +90,7 @@ def html(
       TypeError: contacts are asked for, but the model is not a `Model`.
       ValueError: shapes do not fit together.
     """
-    source = looks or (scene(model) if isinstance(model, Model) else model)
+    source = to_mujoco(model) if isinstance(model, Model) else model
     batch = _batched(source, trajectory, "trajectory")
     envs, steps = batch.qpos.shape[:2]
     stride = _stride(envs, steps, 7 * len(moving_bodies(source)), ghost is not None)
@@ -111,7 +109,7 @@ def html(
         "poses": [numbers.add(p) for p in poses],
         "places": places.tolist(),
         "ghosts": [numbers.add(p) for p in _ghost_poses(source, ghost, batch, kept)],
-        "com": [numbers.add(p) for p in _centers_of_mass(model, source, poses, drawn.moving)],
+        "com": [numbers.add(p) for p in _centers_of_mass(source, poses, drawn.moving)],
         "series": _series(numbers, quantities or {}, steps, kept),
         "extent": drawn.extent,
         "tile": 10 ** round(math.log10(drawn.extent)) / 2,
@@ -187,12 +185,12 @@ def _ghost_poses(source: mujoco.MjModel, ghost: State | None, batch: State, kept
     return _poses(source, states, kept)[0]
 
 
-def _centers_of_mass(model, source: mujoco.MjModel, poses: np.ndarray, moving: np.ndarray):
+def _centers_of_mass(source: mujoco.MjModel, poses: np.ndarray, moving: np.ndarray):
     """(B, T, 3) centres of mass of all that moves; nothing where that has no mass."""
-    mass = np.asarray(model.body_mass, float)[moving]
+    mass = source.body_mass[moving]
     if not mass.sum() > 0:
         return []
-    local = np.asarray(model.body_ipos, float)[moving]
+    local = source.body_ipos[moving]
     x, y, z, w = np.moveaxis(poses[..., 3:], -1, 0)
     vector = np.stack([x, y, z], axis=-1)
     # Rotation by a unit quaternion: p + 2 v x (v x p + w p).

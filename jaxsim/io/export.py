@@ -1,0 +1,97 @@
+"""Back to MuJoCo: a `Model` as `mujoco.MjModel`, a `State` as `mujoco.MjData`."""
+
+import copy
+import dataclasses
+from typing import overload
+
+import mujoco
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxsim.model import Model, ModelError, State
+
+_STATE = "qpos qvel act qacc_warmstart xfrc_applied qfrc_applied mocap_pos mocap_quat".split()
+# What a geom's bounding boxes were computed from; they are not leaves.
+_BOXES = "geom_size", "geom_pos", "geom_quat"
+_MIDPHASE_OFF = int(mujoco.mjtDisableBit.mjDSBL_MIDPHASE)
+
+
+@overload
+def to_mujoco(model: Model) -> mujoco.MjModel: ...
+@overload
+def to_mujoco(
+    model: Model, state: State, ctrl: Float[Array, "nu"] | None = None
+) -> tuple[mujoco.MjModel, mujoco.MjData]: ...
+def to_mujoco(model: Model, state: State | None = None, ctrl: Float[Array, "nu"] | None = None):
+    """The model for MuJoCo's viewer, renderer and tools; with a state, its data too.
+
+    The result is a copy of the compiled source of the model, with its names, looks and meshes, and
+    with the numbers that the model has now.
+
+    Args:
+      model: the model of one environment.
+      state: a state of one environment; `mj_forward` is called on its data.
+      ctrl: controls that go with the state; zeros if None.
+
+    Returns:
+      The `MjModel`, or `(MjModel, MjData)` if a state is given.
+
+    Raises:
+      ModelError: the model has numbers that MuJoCo cannot take without compiling it anew.
+      ValueError: the model or the state has a batch axis.
+    """
+    mj = copy.copy(model.structure.source)
+    _check_simple_bodies(model, mj)
+    moved = any(not np.array_equal(getattr(mj, n), _numbers(model, n)) for n in _BOXES)
+    for record, target in ((model, mj), (model.opt, mj.opt), (model.stat, mj.stat)):
+        for field in dataclasses.fields(record):
+            value = getattr(record, field.name)
+            if hasattr(target, field.name) and not dataclasses.is_dataclass(value):
+                _assign(target, field.name, value)
+    # The numbers hold now, not what the compiler concluded from them.
+    for kind in "body", "geom", "site":
+        getattr(mj, f"{kind}_sameframe")[:] = int(mujoco.mjtSameFrame.mjSAMEFRAME_NONE)
+    if moved:
+        mj.opt.disableflags |= _MIDPHASE_OFF
+    return mj if state is None else (mj, _data(mj, state, ctrl))
+
+
+def _data(mj: mujoco.MjModel, state: State, ctrl) -> mujoco.MjData:
+    data = mujoco.MjData(mj)
+    for name in _STATE:
+        _assign(data, name, getattr(state, name))
+    data.time = float(state.time)
+    if ctrl is not None:
+        _assign(data, "ctrl", ctrl)
+    mujoco.mj_forward(mj, data)
+    return data
+
+
+def _assign(target, name: str, value) -> None:
+    """Write numbers in place; what is not an array is set."""
+    value, old = np.asarray(value), getattr(target, name)
+    if value.shape != np.shape(old):
+        raise ValueError(
+            f"to_mujoco takes one environment: {name} must have shape {np.shape(old)}, got "
+            f"{value.shape}; take one of a batch with jax.tree.map(lambda x: x[i], ...)"
+        )
+    if isinstance(old, np.ndarray):
+        old[...] = value
+    else:
+        setattr(target, name, value.item())
+
+
+def _numbers(model: Model, name: str) -> np.ndarray:
+    return np.asarray(getattr(model, name), float)
+
+
+def _check_simple_bodies(model: Model, mj: mujoco.MjModel) -> None:
+    """MuJoCo stores no off-diagonal inertia of bodies that are aligned with it."""
+    simple = mj.body_simple[1:] > 0
+    frames = np.concatenate([_numbers(model, "body_ipos"), _numbers(model, "body_iquat")], axis=1)
+    off = np.abs(frames[1:] - [0, 0, 0, 1, 0, 0, 0]).max(1) > 0
+    for body in 1 + np.nonzero(simple & off)[0]:
+        raise ModelError(
+            f"{model.names.label('body', int(body))}: its centre of mass or inertial axes have "
+            "left the body's frame, which MuJoCo has compiled in; change the MJCF instead"
+        )
