@@ -3,6 +3,6 @@
 from jaxsim.io.build import build
 from jaxsim.io.constants import set_const
 from jaxsim.io.export import to_mujoco
-from jaxsim.io.load import bundled_models, load
+from jaxsim.io.load import bundled_models, bundled_xml, load
 
-__all__ = ["build", "bundled_models", "load", "set_const", "to_mujoco"]
+__all__ = ["build", "bundled_models", "bundled_xml", "load", "set_const", "to_mujoco"]
