@@ -107,6 +107,8 @@ def main(argv: Sequence[str] | None = None) -> int:
       The exit status: 0 on success, 1 if the simulation diverged, 2 for a mistake in the request.
     """
     arguments = _parser().parse_args(argv)
+    if "" not in sys.path:
+        sys.path.insert(0, "")  # modules of the user's own, as `python -m jaxsim` finds them
     command = importlib.import_module(f"jaxsim.cli.{arguments.command}")
     try:
         return command.run(arguments)
@@ -151,7 +153,7 @@ def _add_train(commands) -> None:
     train = _add(commands, "train", "train a policy", _TRAIN, _TRAIN_EXAMPLES)
     option = train.add_argument
     option("env", metavar="ENV", help="name of an environment; `jaxsim envs` lists them")
-    option("--algorithm", default="ppo", help="ppo (default), sac, apg, shac or module:Class")
+    option("--algorithm", help="ppo (default), sac, apg, shac or module:Class")
     option("--config", metavar="FILE", help="YAML file of settings instead of the tuned ones")
     option(
         "--set",
@@ -173,6 +175,8 @@ def _add_train(commands) -> None:
 def _add_play(commands) -> None:
     play = _add(commands, "play", "evaluate and show a trained policy", _PLAY, _PLAY_EXAMPLES)
     play.add_argument("checkpoint", type=pathlib.Path, metavar="DIR", help="directory of a run")
+    play.add_argument("--env", metavar="ENV", help="the task, where it is code: module:Class")
+    play.add_argument("--algorithm", metavar="NAME", help="the same for the algorithm")
     play.add_argument("--episodes", type=_positive(int), default=64, help="how many (64)")
     play.add_argument("--seed", type=int, default=1, help="seed of the starts (1)")
     _add_video(play)

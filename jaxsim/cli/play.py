@@ -8,15 +8,15 @@ from jaxsim import rl
 from jaxsim.cli import UsageError
 from jaxsim.cli.episode import save_video
 from jaxsim.cli.report import note, report
-from jaxsim.rl import checkpoint, driver
+from jaxsim.rl import checkpoint, directory, driver
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Evaluate, draw, report; returns the exit status."""
     try:
-        settings = checkpoint.read_run(arguments.checkpoint)
-        env = driver.run_env(settings)
-        policy = driver.load_policy(arguments.checkpoint, env)
+        settings = directory.read_run(arguments.checkpoint)
+        env = driver.run_env(settings, arguments.env, arguments.algorithm)
+        policy = driver.load_policy(arguments.checkpoint, env, arguments.algorithm)
     except (rl.ConfigError, checkpoint.CheckpointError) as error:
         raise UsageError(error) from error
     keys = jax.random.split(jax.random.key(arguments.seed), arguments.episodes)

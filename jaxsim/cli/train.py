@@ -3,15 +3,19 @@
 import argparse
 import datetime
 import pathlib
+import shlex
 
 from jaxsim import rl
 from jaxsim.cli import UsageError
 from jaxsim.cli.episode import save_video
 from jaxsim.cli.report import note, report
 from jaxsim.cli.simulate import prepare_cpu
-from jaxsim.rl import checkpoint, distributed
-from jaxsim.rl.driver import run_env
+from jaxsim.rl import distributed
+from jaxsim.rl.checkpoint import CheckpointError
+from jaxsim.rl.directory import read_run
+from jaxsim.rl.driver import Result, run_env
 from jaxsim.rl.metrics import read
+from jaxsim.rl.stored import stored_settings
 from jaxsim.viz.curves import plot_learning
 
 
@@ -22,44 +26,47 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         prepare_cpu()
     try:
-        return _train(arguments)
-    except (rl.ConfigError, checkpoint.CheckpointError) as error:
+        result = _train(arguments)
+    except (rl.ConfigError, CheckpointError) as error:
         raise UsageError(error) from error
-
-
-def _train(arguments: argparse.Namespace) -> int:
-    directory = arguments.out or _directory(arguments)
-    settings, seed, algorithm = arguments.config, arguments.seed, arguments.algorithm
-    if arguments.resume:
-        directory = arguments.resume
-        stored = checkpoint.read_run(directory)
-        settings, seed, algorithm = stored["settings"], stored["seed"], stored["algorithm"]
-        if stored["env"] != arguments.env:
-            raise UsageError(
-                f"the run in {directory} is about {stored['env']}, not {arguments.env}"
-            )
-    result = rl.train(
-        arguments.env,
-        algorithm,
-        settings,
-        overrides=arguments.set,
-        seed=seed,
-        directory=directory,
-        resume=arguments.resume is not None,
-        progress=True,
-    )
     if distributed.is_main():
         _finish(arguments, result)
     return 130 if result.interrupted else 0
 
 
-def _finish(arguments: argparse.Namespace, result) -> None:
+def _train(arguments: argparse.Namespace) -> Result:
+    algorithm, seed = arguments.algorithm or "ppo", arguments.seed
+    directory, settings = arguments.out, arguments.config
+    if arguments.resume:
+        stored = read_run(arguments.resume)
+        directory, settings = arguments.resume, stored_settings(stored, arguments.algorithm)[1]
+        algorithm, seed = stored["algorithm"], stored["seed"]
+    return rl.train(
+        arguments.env,
+        algorithm,
+        settings,
+        overrides=arguments.set,
+        seed=seed,
+        directory=directory or _directory(arguments.env, algorithm),
+        resume=arguments.resume is not None,
+        progress=True,
+    )
+
+
+def _finish(arguments: argparse.Namespace, result: Result) -> None:
     """Curve, video, report."""
+    assert result.directory is not None
+    if result.finished:
+        note(
+            f"the run in {result.directory} has come to its end, and nothing was changed; "
+            "--set total_steps=N makes it longer, --set target=null goes on past its target"
+        )
+        return
     notes = [_curve(arguments.env, result.directory)]
     if arguments.video and not result.interrupted:
-        env = run_env(checkpoint.read_run(result.directory))
+        env = run_env(read_run(result.directory), arguments.env, arguments.algorithm)
         notes.append(save_video(env, result.policy, result.directory / "episode", arguments.seed))
-    report(_rows(result))
+    report(_rows(result, _next(arguments, result)))
     for text in notes:
         note(text)
 
@@ -73,15 +80,14 @@ def _curve(name: str, directory: pathlib.Path) -> str:
     return f"learning curve: {path}"
 
 
-def _rows(result) -> dict[str, str]:
-    last = result.history[-1] if result.history else {"steps": 0, "seconds": 0.0}
-    verb = "train ... --resume" if result.interrupted else "play"
+def _rows(result: Result, command: str) -> dict[str, str]:
+    last = result.history[-1]
     rows = {
         "steps": f"{last['steps']:,.0f}",
         "time, with compilation": f"{last['seconds']:.1f} s",
         "diverged environments": f"{sum(r['nonfinite'] for r in result.history):,.0f}",
         "checkpoints and logs": str(result.directory),
-        "go on with": f"jaxsim {verb} {result.directory}",
+        "go on with": command,
     }
     if result.evaluations:
         row = result.evaluations[-1]
@@ -90,6 +96,19 @@ def _rows(result) -> dict[str, str]:
     return rows
 
 
-def _directory(arguments: argparse.Namespace) -> pathlib.Path:
+def _next(arguments: argparse.Namespace, result: Result) -> str:
+    """The command that plays the policy, or goes on with the training."""
+    words = ["jaxsim", "play", str(result.directory)]
+    if result.interrupted:
+        words = ["jaxsim", "train", arguments.env, "--resume", str(result.directory)]
+    elif ":" in arguments.env:
+        words += ["--env", arguments.env]
+    if arguments.algorithm and ":" in arguments.algorithm:
+        words += ["--algorithm", arguments.algorithm]
+    return shlex.join(words)
+
+
+def _directory(env: str, algorithm: str) -> pathlib.Path:
     now = datetime.datetime.now().strftime("%Y%m%d-%H%M%S")
-    return pathlib.Path("runs") / f"{arguments.env}-{arguments.algorithm}-{now}"
+    name = "-".join((env, algorithm, now))
+    return pathlib.Path("runs") / name.replace(":", ".").replace("/", "-")

@@ -1,11 +1,12 @@
 """Environments by name."""
 
 import dataclasses
-import difflib
-import importlib
 from collections.abc import Callable
+from typing import Any
 
 from jaxsim.envs.base import Env
+from jaxsim.envs.named import module_of, named
+from jaxsim.envs.options import checked_options, near_names
 from jaxsim.envs.wrappers import TimeLimit
 
 
@@ -25,10 +26,7 @@ class Spec:
 
     def load(self) -> type:
         """The class; imports its module."""
-        if isinstance(self.cls, type):
-            return self.cls
-        module, name = self.cls.split(":")
-        return getattr(importlib.import_module(module), name)
+        return self.cls if isinstance(self.cls, type) else named(self.cls)
 
 
 _BUILT_IN = {
@@ -53,6 +51,7 @@ _SPECS = {
 }
 _LISTENERS: list[Callable[[str], object]] = []
 _DEFAULT = object()
+_USUAL_STEPS = 1000
 
 
 def names() -> tuple[str, ...]:
@@ -63,15 +62,34 @@ def names() -> tuple[str, ...]:
 def spec(name: str) -> Spec:
     """The entry of an environment.
 
+    Args:
+      name: one of `names()`; or "module:Class" or "module:name", which imports the module first.
+
     Raises:
       KeyError: no environment has this name.
     """
+    if ":" in name:
+        return _of_module(name)
     if name not in _SPECS:
-        raise KeyError(f"there is no environment called {name!r}; {_hint(name, names())}")
+        raise KeyError(f"there is no environment called {name!r}; {near_names(name, names())}")
     return _SPECS[name]
 
 
-def register(name: str, cls: type, max_episode_steps: int | None = 1000) -> None:
+def _of_module(path: str) -> Spec:
+    """A class in a module, or what is registered under a name once the module is imported."""
+    name = path.partition(":")[2]
+    try:
+        found = getattr(module_of(path), name, None)
+        if name in _SPECS and not isinstance(found, type):
+            return _SPECS[name]
+        cls = _checked_class(named(path))
+    except ImportError as error:
+        raise KeyError(f"there is no environment {path!r}: {error}") from error
+    same = [entry for entry in _SPECS.values() if entry.cls in (cls, path)]
+    return same[0] if same else Spec(path, cls, _USUAL_STEPS)
+
+
+def register(name: str, cls: type, max_episode_steps: int | None = _USUAL_STEPS) -> None:
     """Make an environment of one's own available to `make` and to the command line.
 
     Args:
@@ -81,17 +99,27 @@ def register(name: str, cls: type, max_episode_steps: int | None = 1000) -> None
 
     Raises:
       TypeError: the class is not an environment, or not a record.
-      ValueError: the name is taken by another class.
+      ValueError: the name is taken by another class, or the length is not positive.
     """
-    if not (isinstance(cls, type) and issubclass(cls, Env)):
-        raise TypeError(f"register takes a class that derives from jaxsim.envs.Task, got {cls!r}")
-    if "__dataclass_fields__" not in cls.__dict__:
-        raise TypeError(f"decorate {cls.__name__} with @flax.struct.dataclass(kw_only=True)")
     if name in _SPECS and _SPECS[name].load() is not cls:
         raise ValueError(f"there is an environment called {name!r} already; choose another name")
-    _SPECS[name] = Spec(name, cls, max_episode_steps)
+    _SPECS[name] = Spec(name, _checked_class(cls), _checked_limit(max_episode_steps))
     for listener in _LISTENERS:
         listener(name)
+
+
+def _checked_class(cls: Any) -> type[Env]:
+    if not (isinstance(cls, type) and issubclass(cls, Env)):
+        raise TypeError(f"a task is a class that derives from jaxsim.envs.Task, got {cls!r}")
+    if "__dataclass_fields__" not in cls.__dict__:
+        raise TypeError(f"decorate {cls.__name__} with @flax.struct.dataclass(kw_only=True)")
+    return cls
+
+
+def _checked_limit(steps: Any) -> int | None:
+    if steps is None or (isinstance(steps, int) and not isinstance(steps, bool) and steps > 0):
+        return steps
+    raise ValueError(f"max_episode_steps must be a positive whole number or None, got {steps!r}")
 
 
 def on_register(listener: Callable[[str], object]) -> None:
@@ -105,30 +133,18 @@ def make(name: str, *, max_episode_steps: int | object | None = _DEFAULT, **opti
     """Make an environment.
 
     Args:
-      name: one of `names()`.
+      name: one of `names()`; or "module:Class", or "module:name" of what the module registers.
       max_episode_steps: length of an episode; None for no limit; by default the registered one.
       options: fields of the environment's class, for instance `reset_noise_scale` or `model`.
 
     Raises:
       KeyError: no environment has this name.
-      TypeError: the environment has no such option.
+      TypeError: the environment has no such option, or its value is of the wrong kind.
       ValueError: the length is not positive.
     """
     entry = spec(name)
     cls = entry.load()
-    known = [f.name for f in dataclasses.fields(cls)]
-    for option in options:
-        if option not in known:
-            raise TypeError(f"{name} has no option {option!r}; {_hint(option, known)}")
-    env = cls(**options)
-    limit = entry.max_episode_steps if max_episode_steps is _DEFAULT else max_episode_steps
-    if limit is None:
-        return env
-    if not isinstance(limit, int) or limit < 1:
-        raise ValueError(f"max_episode_steps must be a positive whole number or None, got {limit}")
-    return TimeLimit(env, max_episode_steps=limit)
-
-
-def _hint(name: str, known) -> str:
-    near = difflib.get_close_matches(name, known, n=3)
-    return f"did you mean {' or '.join(near)}?" if near else f"choose from {', '.join(known)}"
+    env = cls(**checked_options(name, cls, options))
+    chosen = entry.max_episode_steps if max_episode_steps is _DEFAULT else max_episode_steps
+    limit = _checked_limit(chosen)
+    return env if limit is None else TimeLimit(env, max_episode_steps=limit)

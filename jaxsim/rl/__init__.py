@@ -9,7 +9,7 @@ Example:
 
 from jaxsim.rl.algorithm import Algorithm
 from jaxsim.rl.config import ConfigError
-from jaxsim.rl.driver import ALGORITHMS, Result, resolve, train
+from jaxsim.rl.driver import ALGORITHMS, Result, load_policy, resolve, train
 from jaxsim.rl.evaluate import Evaluation, evaluate
 from jaxsim.rl.networks import Policy
 
@@ -21,6 +21,7 @@ __all__ = [
     "Policy",
     "Result",
     "evaluate",
+    "load_policy",
     "resolve",
     "train",
 ]

@@ -22,7 +22,7 @@ from jaxsim.envs import Env
 from jaxsim.parallel.devices import AXIS
 from jaxsim.rl.algorithm import Algorithm
 from jaxsim.rl.collect import Actors, collect
-from jaxsim.rl.config import ConfigError, NetworkConfig, TrainConfig
+from jaxsim.rl.config import NetworkConfig, TrainConfig
 from jaxsim.rl.descent import Adam, average, keep_finite
 from jaxsim.rl.differentiable import (
     NO_LIMIT,
@@ -33,6 +33,7 @@ from jaxsim.rl.differentiable import (
 )
 from jaxsim.rl.networks import Policy, TanhGaussianPolicy
 from jaxsim.rl.normalize import RunningStatistics
+from jaxsim.rl.values import Average, ConfigError, Count, Fraction, NotNegative, Positive
 
 NETWORK = NetworkConfig(activation="elu")
 
@@ -57,17 +58,17 @@ class Config(TrainConfig):
       policy: network of the policy.
     """
 
-    envs: int = 128
-    unroll: int = 64
-    horizon: int = 64
-    episode_steps: int | None = None
-    discount: float = 1.0
-    learning_rate: float = 2e-3
-    momentum: tuple[float, ...] = (0.7, 0.95)
-    max_grad_norm: float = 1.0
-    max_step_gradient: float = NO_LIMIT
+    envs: Count = 128
+    unroll: Count = 64
+    horizon: Count = 64
+    episode_steps: Count | None = None
+    discount: Fraction = 1.0
+    learning_rate: Positive = 2e-3
+    momentum: tuple[Average, Average] = (0.7, 0.95)
+    max_grad_norm: Positive = 1.0
+    max_step_gradient: Positive = NO_LIMIT
     normalize_obs: bool = True
-    entropy: float = 0.0
+    entropy: NotNegative = 0.0
     policy: NetworkConfig = NETWORK
 
 

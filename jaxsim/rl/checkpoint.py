@@ -1,33 +1,51 @@
 """Checkpoints of a whole training: what comes after a resume is bit-identical to not stopping."""
 
 import pathlib
+import warnings
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import orbax.checkpoint as ocp
-import yaml
 
-_STATE = "checkpoints"
+from jaxsim.rl import manifest
+
+FOLDER = "checkpoints"
+KEPT = 2  # the newest ones
 
 
 class CheckpointError(ValueError):
-    """A directory without a usable checkpoint."""
+    """The directory of a run that cannot be written to, or lacks what is to be read from it."""
 
 
 class Checkpoints:
     """The checkpoints in the directory of a run; the newest ones are kept.
 
+    What cannot be read, or is not what was written, is passed over for an older checkpoint, with
+    a warning.
+
     Attributes:
-      directory: of the run; arrays are in its "checkpoints", settings in "run.yaml".
+      directory: of the run; arrays are in its "checkpoints".
     """
 
-    def __init__(self, directory: str | pathlib.Path, keep: int = 2):
+    def __init__(self, directory: str | pathlib.Path, read_only: bool = False):
+        """Look at a directory, which exists.
+
+        Args:
+          directory: of the run.
+          read_only: change nothing in it.
+        """
         self.directory = pathlib.Path(directory).resolve()
+        self._folder = self.directory / FOLDER
+        if read_only and not self._folder.is_dir():
+            raise CheckpointError(f"{self.directory} contains no checkpoint")
         options = ocp.CheckpointManagerOptions(
-            max_to_keep=keep, create=True, enable_async_checkpointing=False
+            max_to_keep=None if read_only else KEPT,
+            create=not read_only,
+            read_only=read_only,
+            enable_async_checkpointing=False,
         )
-        self._manager = ocp.CheckpointManager(self.directory / _STATE, options=options)
+        self._manager = ocp.CheckpointManager(self._folder, options=options)
 
     def save(self, steps: int, training: Any, policy: Any, progress: dict[str, Any]) -> None:
         """Write a checkpoint; all processes must call it.
@@ -37,78 +55,103 @@ class Checkpoints:
           training: everything that training carries on with.
           policy: the present policy, also inside `training`, on its own for those who only play.
           progress: JSON-like numbers, such as the seconds so far.
+
+        Raises:
+          CheckpointError: it cannot be written, for instance because the disk is full.
         """
-        if steps in self._manager.all_steps():
+        if steps in self.steps():
             return
-        self._manager.save(
-            steps,
-            args=ocp.args.Composite(
-                training=ocp.args.StandardSave(_pack(training)),
-                policy=ocp.args.StandardSave(_pack(policy)),
-                progress=ocp.args.JsonSave(progress),
-            ),
-        )
+        trees = {"training": _pack(training), "policy": _pack(policy)}
+        shapes = {name: _shapes(tree) for name, tree in trees.items()}
+        args: dict[str, Any] = {n: ocp.args.StandardSave(tree) for n, tree in trees.items()}
+        args["progress"] = ocp.args.JsonSave(progress | {"shapes": shapes})
+        try:
+            self._manager.save(steps, args=ocp.args.Composite(**args))
+            if jax.process_index() == 0:
+                manifest.write(self._folder / str(steps))
+        except Exception as error:
+            raise CheckpointError(
+                f"cannot write the checkpoint of step {steps} to {self.directory}: {_reason(error)}"
+            ) from error
+
+    def steps(self) -> list[int]:
+        """Steps of all checkpoints, oldest first."""
+        return sorted(self._manager.all_steps())
 
     def latest(self) -> int | None:
         """Steps of the newest checkpoint; None if there is none."""
         return self._manager.latest_step()
 
-    def restore(self, training: Any) -> tuple[Any, dict[str, Any]]:
-        """The newest state and its progress.
+    def restore(self, training: Any) -> tuple[int, Any, dict[str, Any]]:
+        """The newest state that can be read; newer checkpoints are removed.
 
         Args:
           training: a tree of arrays or `jax.ShapeDtypeStruct`s with the wanted shardings.
 
+        Returns:
+          Its steps, the state and its progress.
+
         Raises:
-          CheckpointError: there is none.
+          CheckpointError: there is none, or none fits.
         """
-        args = ocp.args.Composite(
-            training=ocp.args.StandardRestore(_pack(training)),
-            progress=ocp.args.JsonRestore(),
-        )
-        found = self._manager.restore(self._step(), args=args)
-        return _unpack(found["training"], training), found["progress"]
+        step, restored, progress = self._newest("training", training)
+        for newer in self.steps():
+            if newer > step:
+                self._manager.delete(newer)
+        return step, restored, progress
 
     def restore_policy(self, policy: Any) -> Any:
-        """The newest policy, as a tree like `policy`."""
-        args = ocp.args.Composite(policy=ocp.args.StandardRestore(_pack(policy)))
-        return _unpack(self._manager.restore(self._step(), args=args)["policy"], policy)
+        """The newest policy that can be read, as a tree like `policy`; errors as for `restore`."""
+        return self._newest("policy", policy)[1]
 
     def close(self) -> None:
         """Finish what is being written."""
         self._manager.close()
 
-    def _step(self) -> int:
-        step = self.latest()
-        if step is None:
-            raise CheckpointError(f"{self.directory} contains no checkpoint")
-        return step
+    def _newest(self, name: str, like: Any) -> tuple[int, Any, dict[str, Any]]:
+        problems = []
+        for step in reversed(self.steps()):
+            try:
+                restored, progress = self._read(step, name, like)
+            except Exception as error:
+                problems.append(f"checkpoint {step} cannot be used: {_reason(error)}")
+                continue
+            for problem in problems:
+                warnings.warn(f"{self.directory}: {problem}; going back to {step}", stacklevel=4)
+            return step, restored, progress
+        found = "; ".join(problems) or "it contains no checkpoint"
+        raise CheckpointError(f"{self.directory}: {found}")
+
+    def _read(self, step: int, name: str, like: Any) -> tuple[Any, dict[str, Any]]:
+        manifest.check(self._folder / str(step))
+        packed = _pack(like)
+        progress = dict(self._item(step, "progress", ocp.args.JsonRestore()))
+        _check_shapes(progress.pop("shapes")[name], _shapes(packed))
+        found = self._item(step, name, ocp.args.StandardRestore(packed))
+        return _unpack(found, like), progress
+
+    def _item(self, step: int, name: str, args: Any) -> Any:
+        return self._manager.restore(step, args=ocp.args.Composite(**{name: args}))[name]
 
 
-def write_run(directory: pathlib.Path, run: dict[str, Any], resume: bool) -> None:
-    """Write the settings that a run was started with.
-
-    Raises:
-      CheckpointError: the directory holds a run already, and is not to be resumed.
-    """
-    if not resume and (directory / "run.yaml").exists():
-        raise CheckpointError(
-            f"{directory} holds a run already; resume it, or choose another directory"
-        )
-    directory.mkdir(parents=True, exist_ok=True)
-    (directory / "run.yaml").write_text(yaml.safe_dump(run, sort_keys=False), "utf-8")
+def _shapes(leaves: dict[str, Any]) -> dict[str, list[int]]:
+    return {name: list(x.shape) for name, x in leaves.items()}
 
 
-def read_run(directory: str | pathlib.Path) -> dict[str, Any]:
-    """Settings of the run in a directory.
+def _check_shapes(stored: dict[str, list[int]], wanted: dict[str, list[int]]) -> None:
+    """Raise what tells a checkpoint of something else, which orbax would fit by force."""
+    for name in sorted(stored.keys() | wanted.keys()):
+        have, want = stored.get(name), wanted.get(name)
+        if have != want:
+            raise CheckpointError(
+                f"it is of another environment or of other settings: {name} is of shape {have}, "
+                f"here of {want}"
+            )
 
-    Raises:
-      CheckpointError: it is not the directory of a run.
-    """
-    path = pathlib.Path(directory) / "run.yaml"
-    if not path.is_file():
-        raise CheckpointError(f"{directory} is not the directory of a run: it has no run.yaml")
-    return yaml.safe_load(path.read_text("utf-8"))
+
+def _reason(error: Exception) -> str:
+    """The first line of an error, which orbax makes many of."""
+    return next(iter(str(error).splitlines()), "")[:200] or type(error).__name__
 
 
 def _pack(tree: Any) -> dict[str, Any]:

@@ -1,28 +1,52 @@
 """Settings of trainers: frozen dataclasses, filled from YAML files and from `key=value` pairs.
 
-A key that does not exist is an error that names its neighbours, and a value of the wrong type is
-an error that says what would work; nothing is ignored in silence.
+A record of settings checks itself when it is made. A key that does not exist is an error that
+names its neighbours, a value that makes no sense one that says what would; all of them are told at
+once, and nothing is ignored in silence.
 """
 
 import dataclasses
 import difflib
+import functools
 import pathlib
-import types
+import re
 import typing
 from collections.abc import Iterable, Mapping
 from typing import Any, TypeVar
 
 import yaml
 
+from jaxsim.rl.values import Activation, ConfigError, Count, Steps, fit
+
 T = TypeVar("T")
 
 
-class ConfigError(ValueError):
-    """A setting that does not exist or has a value that makes no sense."""
+class _Loader(yaml.SafeLoader):
+    """Plain YAML, in which 1e6 is a number; its version 1.1 takes it for text."""
+
+
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+$"), list("-+0123456789")
+)
 
 
 @dataclasses.dataclass(frozen=True)
-class NetworkConfig:
+class Settings:
+    """A record whose values are checked against the types of their fields, ranges included."""
+
+    def __post_init__(self) -> None:
+        """Check all values; numbers become those of their types.
+
+        Raises:
+          ConfigError: some make no sense.
+        """
+        given = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        for name, value in _fitted(type(self), given, "").items():
+            object.__setattr__(self, name, value)
+
+
+@dataclasses.dataclass(frozen=True)
+class NetworkConfig(Settings):
     """A multilayer perceptron.
 
     Attributes:
@@ -30,12 +54,12 @@ class NetworkConfig:
       activation: tanh, relu, elu or swish.
     """
 
-    hidden: tuple[int, ...] = (64, 64)
-    activation: str = "tanh"
+    hidden: tuple[Count, ...] = (64, 64)
+    activation: Activation = "tanh"
 
 
 @dataclasses.dataclass(frozen=True)
-class TrainConfig:
+class TrainConfig(Settings):
     """What all trainers have in common.
 
     Attributes:
@@ -49,11 +73,11 @@ class TrainConfig:
       env_options: options of the environment, as for `jaxsim.envs.make`.
     """
 
-    total_steps: int = 1_000_000
-    envs: int = 512
-    evaluations: int = 10
-    evaluation_episodes: int = 64
-    evaluation_steps: int = 1000
+    total_steps: Steps = 1_000_000
+    envs: Count = 512
+    evaluations: Count = 10
+    evaluation_episodes: Count = 64
+    evaluation_steps: Count = 1000
     target: float | None = None
     env_options: dict = dataclasses.field(default_factory=dict)
 
@@ -79,33 +103,45 @@ def update(config: T, values: Mapping[str, Any], where: str = "") -> T:
     """A copy of `config` with some values replaced; arguments and errors as for `build`."""
     if not isinstance(values, Mapping):
         raise ConfigError(f"{where or 'the settings'} must be a mapping, got {values!r}")
-    kinds = typing.get_type_hints(type(config))
-    changes = {}
-    for key, value in values.items():
-        path = f"{where}.{key}" if where else str(key)
-        if key not in kinds:
-            raise ConfigError(unknown("setting", path, str(key), kinds))
-        current = getattr(config, key)
-        nested = dataclasses.is_dataclass(current)
-        changes[key] = update(current, value, path) if nested else _fit(kinds[key], value, path)
-    return dataclasses.replace(config, **changes)  # type: ignore[type-var]
+    return dataclasses.replace(config, **_fitted(type(config), values, where, config))  # type: ignore[type-var]
 
 
 def override(config: T, assignments: Iterable[str]) -> T:
     """Apply assignments such as `network.hidden=[128,128]`; values are YAML.
 
     Raises:
-      ConfigError: as `build`, or an assignment without "=".
+      ConfigError: as `build`, or an assignment cannot be read.
     """
+    values: dict[str, Any] = plain(config)
+    problems: list[str] = []
     for text in assignments:
         path, equals, value = text.partition("=")
+        try:
+            parsed = yaml.load(value, _Loader)
+        except (yaml.YAMLError, ValueError, RecursionError) as error:
+            problems.append(f"cannot read the value in {text!r}: {_one_line(error)}")
+            continue
         if not equals:
-            raise ConfigError(f"expected key=value, got {text!r}")
-        values: Any = yaml.safe_load(value)
-        for key in reversed(path.strip().split(".")):
-            values = {key: values}
-        config = update(config, values)
+            problems.append(f"expected key=value, got {text!r}")
+            continue
+        _assign(values, path.strip().split("."), parsed)
+    try:
+        config = build(type(config), values)
+    except ConfigError as error:
+        problems += error.problems
+    if problems:
+        raise ConfigError(*problems)
     return config
+
+
+def _assign(tree: dict[str, Any], path: list[str], value: Any) -> None:
+    """Set an entry of nested mappings; what is in the way, and is none, gives way."""
+    *folders, last = path
+    for name in folders:
+        if not isinstance(tree.get(name), dict):
+            tree[name] = {}
+        tree = tree[name]
+    tree[last] = value
 
 
 def read(path: pathlib.Path) -> dict[str, Any]:
@@ -115,11 +151,11 @@ def read(path: pathlib.Path) -> dict[str, Any]:
       ConfigError: the file is missing or is no YAML mapping.
     """
     try:
-        values = yaml.safe_load(path.read_text("utf-8"))
+        values = yaml.load(path.read_text("utf-8"), _Loader)
     except OSError as error:
         raise ConfigError(f"cannot read {path}: {error.strerror}") from error
-    except yaml.YAMLError as error:
-        raise ConfigError(f"{path} is not valid YAML: {error}") from error
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise ConfigError(f"{path} is not valid YAML: {_one_line(error)}") from error
     if not isinstance(values, dict):
         raise ConfigError(f"{path} must contain a mapping of settings, got {values!r}")
     return values
@@ -144,7 +180,9 @@ def plain(config: Any) -> Any:
     if dataclasses.is_dataclass(config) and not isinstance(config, type):
         fields = dataclasses.fields(config)
         return {field.name: plain(getattr(config, field.name)) for field in fields}
-    return list(config) if isinstance(config, tuple) else config
+    if isinstance(config, dict):
+        return {name: plain(value) for name, value in config.items()}
+    return [plain(value) for value in config] if isinstance(config, tuple) else config
 
 
 def unknown(kind: str, path: str, key: str, known: Iterable[str]) -> str:
@@ -155,30 +193,42 @@ def unknown(kind: str, path: str, key: str, known: Iterable[str]) -> str:
     return f"unknown {kind} {path!r}; {hint}"
 
 
-def _fit(kind: Any, value: Any, path: str) -> Any:
-    """The value as the type of its field."""
-    origin = typing.get_origin(kind)
-    if origin in (types.UnionType, typing.Union):
-        options = typing.get_args(kind)
-        if value is None and type(None) in options:
-            return None
-        return _fit(next(k for k in options if k is not type(None)), value, path)
-    if origin is tuple:
-        items = value if isinstance(value, list | tuple) else [value]
-        return tuple(_fit(typing.get_args(kind)[0], item, path) for item in items)
-    if kind in (int, float):
-        return _number(kind, value, path)
-    if not isinstance(value, kind):
-        raise ConfigError(f"{path} must be of type {kind.__name__}, got {value!r}")
-    return value
+@functools.cache
+def _kinds(cls: type) -> dict[str, Any]:
+    """The types of a record's fields, with their ranges."""
+    hints = typing.get_type_hints(cls, include_extras=True)
+    return {field.name: hints[field.name] for field in dataclasses.fields(cls)}
 
 
-def _number(kind: type, value: Any, path: str) -> int | float:
-    """YAML reads 1e6 as text and 1.0e6 as a float; both are welcome as integers."""
-    try:
-        number = float("nan") if isinstance(value, bool) else float(value)
-    except (TypeError, ValueError):
-        number = float("nan")
-    if number != number or (kind is int and number != int(number)):
-        raise ConfigError(f"{path} must be of type {kind.__name__}, got {value!r}")
-    return kind(number) if kind is float or not isinstance(value, int) else value
+def _fitted(cls: type, values: Mapping[str, Any], where: str, now: Any = None) -> dict[str, Any]:
+    """Values as the types of their fields.
+
+    Args:
+      cls: the record.
+      values: what is to be in it; records in it may be mappings.
+      where: name of the record in error messages.
+      now: where a nested mapping takes its missing values from.
+
+    Raises:
+      ConfigError: everything that is wrong.
+    """
+    kinds, fitted, problems = _kinds(cls), {}, []
+    for key, value in values.items():
+        path = f"{where}.{key}" if where else str(key)
+        try:
+            if key not in kinds:
+                raise ConfigError(unknown("setting", path, str(key), kinds))
+            nested = now is not None and dataclasses.is_dataclass(kinds[key])
+            if nested and not dataclasses.is_dataclass(value):
+                fitted[key] = update(getattr(now, key), value, path)
+            else:
+                fitted[key] = fit(kinds[key], value, path)
+        except ConfigError as error:
+            problems += error.problems
+    if problems:
+        raise ConfigError(*problems)
+    return fitted
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())

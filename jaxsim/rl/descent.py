@@ -10,7 +10,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Int
 
 from jaxsim.parallel.devices import AXIS
-from jaxsim.rl.config import ConfigError
+from jaxsim.rl.values import ConfigError
 
 
 class Adam:
@@ -20,19 +20,14 @@ class Adam:
       max_grad_norm: longer gradients are scaled down to this norm; None for no limit.
       momentum: averaging of gradients and of their squares, beta_1 and beta_2.
       epsilon: added to the root of the mean square.
-
-    Raises:
-      ConfigError: `momentum` is not two numbers.
     """
 
     def __init__(
         self,
         max_grad_norm: float | None = None,
-        momentum: tuple[float, ...] = (0.9, 0.999),
+        momentum: tuple[float, float] = (0.9, 0.999),
         epsilon: float = 1e-8,
     ):
-        if len(momentum) != 2:
-            raise ConfigError(f"momentum must be two numbers, got {momentum}")
         adam = optax.scale_by_adam(momentum[0], momentum[1], epsilon)
         if max_grad_norm is not None:
             adam = optax.chain(optax.clip_by_global_norm(max_grad_norm), adam)

@@ -2,7 +2,7 @@
 
 import contextlib
 import dataclasses
-import importlib
+import math
 import pathlib
 import time
 from collections.abc import Mapping, Sequence
@@ -14,16 +14,29 @@ from jax.sharding import Mesh
 
 from jaxsim import envs
 from jaxsim.parallel.devices import device_mesh
-from jaxsim.rl import config, distributed, metrics
+from jaxsim.rl import config, directory, distributed, metrics
 from jaxsim.rl.algorithm import Algorithm
-from jaxsim.rl.checkpoint import CheckpointError, Checkpoints, read_run, write_run
+from jaxsim.rl.bar import Bar
+from jaxsim.rl.checkpoint import KEPT, Checkpoints
 from jaxsim.rl.distributed import Training
 from jaxsim.rl.interrupts import Interrupts
+from jaxsim.rl.lookup import ALGORITHMS, algorithm_class, algorithm_name, make_env
 from jaxsim.rl.networks import Policy
-from jaxsim.rl.programs import Programs, compile_all
+from jaxsim.rl.programs import Programs, Start, compile_all
+from jaxsim.rl.stored import load_policy, run_env
+from jaxsim.rl.values import Seed, fit
 
-# Each is a module of this package, imported when it is used, with a class of the same name.
-ALGORITHMS = ("ppo", "sac", "apg", "shac")
+__all__ = [
+    "ALGORITHMS",
+    "Result",
+    "algorithm_class",
+    "algorithm_name",
+    "load_policy",
+    "make_env",
+    "resolve",
+    "run_env",
+    "train",
+]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,6 +49,7 @@ class Result:
         (compilation included), "episode_return", and "eval_return" where it was evaluated.
       training: everything that training would carry on with.
       interrupted: whether a signal ended it early.
+      finished: whether the run to be resumed had come to its end, so that nothing was done.
       directory: where logs and checkpoints are, if any were asked for.
     """
 
@@ -43,6 +57,7 @@ class Result:
     history: list[metrics.Row]
     training: Training
     interrupted: bool = False
+    finished: bool = False
     directory: pathlib.Path | None = None
 
     @property
@@ -69,8 +84,8 @@ def train(
     one ends it at once.
 
     Args:
-      env: name of an environment, or an environment (without `AutoReset`).
-      algorithm: "ppo", "sac", "apg" or "shac", or a subclass of `Algorithm`.
+      env: name of an environment, "module:Class", or an environment (without `AutoReset`).
+      algorithm: "ppo", "sac", "apg" or "shac", a subclass of `Algorithm`, or "module:Class".
       settings: a `Config` of the algorithm, a mapping or a YAML file with some of its fields; by
         default the tuned settings that come with jaxsim, where there are any.
       overrides: assignments such as `policy.hidden=[128,128]` on top of them.
@@ -85,7 +100,8 @@ def train(
 
     Raises:
       ConfigError: a setting, an environment or an algorithm does not exist or makes no sense.
-      CheckpointError: the directory holds a run already, and `resume` is not set.
+      CheckpointError: the directory cannot be written to, is in use, or holds a run already while
+        `resume` is not set; or what is to be resumed is damaged, or another run.
     """
     run = _Run(env, algorithm, resolve(env, algorithm, settings, overrides), seed, mesh)
     return run.go(None if directory is None else pathlib.Path(directory), resume, progress)
@@ -114,95 +130,13 @@ def resolve(
     return config.override(settings, overrides)
 
 
-def load_policy(directory: str | pathlib.Path, env: envs.Env | None = None) -> Policy:
-    """The policy in the newest checkpoint of a run.
-
-    Args:
-      directory: of the run.
-      env: the environment, if it was not made from a name.
-
-    Raises:
-      CheckpointError: there is no checkpoint, or nothing tells the environment.
-    """
-    run = read_run(directory)
-    env = run_env(run) if env is None else env
-    algorithm = algorithm_class(run["algorithm"])
-    settings = config.build(algorithm.Config, run["settings"])
-    made = algorithm(envs.AutoReset(env), settings)
-    template = jax.eval_shape(lambda key: made.policy(made.init(key)), jax.random.key(0))
-    here = jax.sharding.SingleDeviceSharding(jax.devices()[0])
-    template = jax.tree.map(
-        lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype, sharding=here), template
-    )
-    store = Checkpoints(directory)
-    try:
-        return store.restore_policy(template)
-    finally:
-        store.close()
-
-
-def run_env(run: Mapping[str, Any]) -> envs.Env:
-    """The environment of a run, from what its directory says.
-
-    Raises:
-      CheckpointError: it was trained in an environment without a name.
-    """
-    if run["env"] is None:
-        raise CheckpointError("this run was trained in an environment without a name; pass env")
-    settings = config.build(algorithm_class(run["algorithm"]).Config, run["settings"])
-    return make_env(run["env"], settings)
-
-
-def algorithm_class(algorithm: str | type[Algorithm]) -> type[Any]:
-    """The class of an algorithm; `(env, config, devices)` makes an `Algorithm`.
-
-    Args:
-      algorithm: one of `ALGORITHMS`, a class, or "module:Class".
-
-    Raises:
-      ConfigError: there is no such algorithm.
-    """
-    if isinstance(algorithm, type):
-        return algorithm
-    if algorithm in ALGORITHMS:
-        return getattr(importlib.import_module(f"jaxsim.rl.{algorithm}"), algorithm.upper())
-    place, colon, name = algorithm.partition(":")
-    if not colon:
-        raise config.ConfigError(config.unknown("algorithm", algorithm, algorithm, ALGORITHMS))
-    try:
-        return getattr(importlib.import_module(place), name)
-    except (ImportError, AttributeError) as error:
-        raise config.ConfigError(f"cannot import algorithm {algorithm!r}: {error}") from error
-
-
-def algorithm_name(algorithm: str | type[Algorithm]) -> str:
-    """What `algorithm_class` finds it by, from another process too."""
-    if isinstance(algorithm, str):
-        return algorithm
-    return f"{algorithm.__module__}:{algorithm.__qualname__}"
-
-
-def make_env(env: str | envs.Env, settings: config.TrainConfig) -> envs.Env:
-    """The environment to evaluate in: a given one, or one of this name with the options set.
-
-    Raises:
-      ConfigError: there is no such environment, or it has no such option.
-    """
-    if not isinstance(env, str):
-        return env
-    try:
-        return envs.make(env, **settings.env_options)
-    except (KeyError, TypeError, ValueError) as error:
-        raise config.ConfigError(error.args[0]) from error
-
-
 class _Run:
     """One training: what it is about, how far it is, and where its results go."""
 
     def __init__(self, env, algorithm, settings: config.TrainConfig, seed: int, mesh: Mesh | None):
         self.started = time.perf_counter()
         self.mesh = device_mesh() if mesh is None else mesh
-        self.settings, self.seed = settings, seed
+        self.settings, self.seed = settings, fit(Seed, seed, "seed")
         name = algorithm_name(algorithm)
         self.title = f"{name} on {env if isinstance(env, str) else type(env.unwrapped).__name__}"
         self.env = make_env(env, settings)
@@ -212,31 +146,83 @@ class _Run:
         self.record = {
             "env": env if isinstance(env, str) else None,
             "algorithm": name,
-            "seed": seed,
+            "seed": self.seed,
             "settings": config.plain(settings),
         }
         self.steps = 0
         self.history: list[metrics.Row] = []
 
-    def go(self, directory: pathlib.Path | None, resume: bool, progress: bool) -> Result:
-        """Compile, train, save."""
-        programs = compile_all(self.env, self.algorithm, self.seed, self.mesh)
+    def go(self, folder: pathlib.Path | None, resume: bool, progress: bool) -> Result:
+        """Open the directory, compile, train, save."""
         with contextlib.ExitStack() as stack:
-            store = None
-            if directory is not None:
-                store = self._open(directory, resume)
-                stack.callback(store.close)
-            training = self._begin(programs, store)
-            outputs = self._outputs(directory, progress)
-            for output in outputs:
-                stack.callback(output.close)
+            bar = self._bar(stack, progress)
+            store = self._open(stack, folder, resume)
+            start = Start(self.algorithm, self.seed, self.mesh)
+            training, finished = self._restore(store, start.template)
+            if finished:
+                return self._result(training, folder, finished=True)
+            if store is not None:
+                self._record(store, start.template)
+            programs = compile_all(self.env, self.algorithm, self.seed, self.mesh, start)
+            outputs: list[Any] = self._logs(stack, folder)
+            if bar is not None:
+                outputs.append(bar)
+                bar.training(self.settings.total_steps, self.steps)
+            training = programs.start() if training is None else training
             interrupts = stack.enter_context(Interrupts())
             training = self._loop(programs, training, interrupts, store, outputs)
-        policy = jax.tree.map(jnp.asarray, jax.device_get(programs.policy(training.learner)))
-        return Result(policy, self.history, training, interrupts.seen, directory)
+            if bar is not None and not interrupts.seen:
+                bar.finish()
+        return self._result(training, folder, interrupted=interrupts.seen)
+
+    def _bar(self, stack: contextlib.ExitStack, progress: bool) -> Bar | None:
+        if not (progress and distributed.is_main()):
+            return None
+        bar = Bar(self.title)
+        stack.callback(bar.close)
+        bar.compiling()
+        return bar
+
+    def _open(self, stack, folder: pathlib.Path | None, resume: bool) -> Checkpoints | None:
+        """The checkpoints in the directory, which then is ours until the end."""
+        if folder is None:
+            return None
+        if distributed.is_main():
+            stack.enter_context(directory.hold(folder, resume))
+            directory.check_same(folder, self.record)
+        store = Checkpoints(folder)
+        stack.callback(store.close)
+        return store
+
+    def _restore(self, store: Checkpoints | None, template: Training) -> tuple[Any, bool]:
+        """The newest training, None for a new one; and whether nothing is left to do."""
+        if store is None or store.latest() is None:
+            return None, False
+        self.steps, training, progress = store.restore(template)
+        self.started -= progress["seconds"]
+        target = self.settings.target
+        reached = target is not None and progress.get("eval_return", -math.inf) >= target
+        return training, reached or self.steps >= self.settings.total_steps
+
+    def _record(self, store: Checkpoints, template: Training) -> None:
+        """Write what the run is about, if there is room for what will follow."""
+        if distributed.is_main():
+            missing = KEPT + 1 - min(KEPT, len(store.steps()))
+            size = sum(x.size * x.dtype.itemsize for x in jax.tree.leaves(template))
+            directory.check_space(store.directory, missing * (size + 1_000_000))
+            directory.write_run(store.directory, self.record)
+
+    def _logs(self, stack, folder: pathlib.Path | None) -> list[Any]:
+        """Where rows go; only one process writes."""
+        if folder is None or not distributed.is_main():
+            return []
+        with directory.writing(folder):
+            logs = metrics.Logs(folder, self.steps)
+        stack.callback(logs.close)
+        return [logs]
 
     def _loop(self, programs: Programs, training, interrupts, store, outputs) -> Training:
-        done = self.steps >= self.settings.total_steps
+        done = False
         while not done:
             training, numbers = programs.epoch(training)
             row = {name: float(value) for name, value in numbers.items()}
@@ -247,13 +233,17 @@ class _Run:
                 target = self.settings.target
                 done |= target is not None and row["eval_return"] >= target
             row = {"steps": self.steps, "seconds": time.perf_counter() - self.started} | row
-            self.history.append(row)
+            self._write(row, store, outputs)
+            if store is not None and (due or done):
+                kept = {name: row[name] for name in ("seconds", "eval_return") if name in row}
+                store.save(self.steps, training, programs.policy(training.learner), kept)
+        return training
+
+    def _write(self, row: metrics.Row, store: Checkpoints | None, outputs) -> None:
+        self.history.append(row)
+        with contextlib.nullcontext() if store is None else directory.writing(store.directory):
             for output in outputs:
                 output.write(row)
-            if store is not None and (due or done):
-                policy = programs.policy(training.learner)
-                store.save(self.steps, training, policy, {"seconds": row["seconds"]})
-        return training
 
     def _advance(self) -> bool:
         """Count an epoch; whether an evaluation is due."""
@@ -262,24 +252,8 @@ class _Run:
         slot = lambda steps: min(steps, total) * evaluations // total  # noqa: E731
         return slot(self.steps) > slot(before)
 
-    def _begin(self, programs: Programs, store: Checkpoints | None) -> Training:
-        """The newest checkpoint, or a new training."""
-        if store is None or store.latest() is None:
-            return programs.start()
-        training, progress = store.restore(programs.template)
-        self.steps = store.latest() or 0
-        self.started -= progress["seconds"]
-        return training
-
-    def _open(self, directory: pathlib.Path, resume: bool) -> Checkpoints:
-        if distributed.is_main():
-            write_run(directory, self.record, resume)
-        return Checkpoints(directory)
-
-    def _outputs(self, directory: pathlib.Path | None, progress: bool) -> list[Any]:
-        """Where rows go; only one process writes."""
-        if not distributed.is_main():
-            return []
-        logs = [] if directory is None else [metrics.Logs(directory)]
-        bar = [metrics.Bar(self.title, self.settings.total_steps, self.steps)] if progress else []
-        return logs + bar
+    def _result(self, training: Training, folder: pathlib.Path | None, **how: bool) -> Result:
+        policy = jax.device_get(self.algorithm.policy(training.learner))
+        return Result(
+            jax.tree.map(jnp.asarray, policy), self.history, training, directory=folder, **how
+        )

@@ -1,15 +1,13 @@
-"""What a training tells: JSON lines, TensorBoard, a progress bar."""
+"""What a training tells, in rows of numbers: JSON lines and TensorBoard."""
 
 import json
 import math
+import os
 import pathlib
-import time
 from typing import Any
 
-import rich.console
-import rich.progress
-
 Row = dict[str, float]
+ROWS = "metrics.jsonl"
 
 
 class Logs:
@@ -19,17 +17,23 @@ class Logs:
       path: the file of JSON lines.
     """
 
-    def __init__(self, directory: pathlib.Path):
-        directory.mkdir(parents=True, exist_ok=True)
-        self.path = directory / "metrics.jsonl"
-        self._file = self.path.open("a", encoding="utf-8")
-        self._board = _tensorboard(directory / "tensorboard")
+    def __init__(self, directory: pathlib.Path, steps: int = 0):
+        """Go on in a directory.
+
+        Args:
+          directory: of the run, which exists.
+          steps: where training goes on; rows after it are of work that is done again.
+        """
+        self.path = directory / ROWS
+        if self.path.exists():
+            rows = [row for row in read(self.path) if row["steps"] <= steps]
+            replace(self.path, "".join(map(_line, rows)))
+        self._file = self.path.open("ab", buffering=0)
+        self._board = _tensorboard(directory / "tensorboard", steps)
 
     def write(self, row: Row) -> None:
         """Append a row; numbers that are not finite are written as null."""
-        plain = {k: v if math.isfinite(v) else None for k, v in row.items()}
-        self._file.write(json.dumps(plain) + "\n")
-        self._file.flush()
+        self._file.write(_line(row).encode("utf-8"))
         if self._board is not None:
             for name, value in row.items():
                 if math.isfinite(value) and name != "steps":
@@ -43,71 +47,45 @@ class Logs:
 
 
 def read(path: str | pathlib.Path) -> list[Row]:
-    """The rows of a file of JSON lines; null becomes NaN."""
-    lines = pathlib.Path(path).read_text("utf-8").splitlines()
-    rows = [json.loads(line) for line in lines]
-    return [{k: math.nan if v is None else v for k, v in row.items()} for row in rows]
+    """The rows of a file of JSON lines; null becomes NaN.
+
+    A line that a crash has cut is left out. What a run did again after a crash replaces what it did
+    before: a row replaces all earlier ones of as many steps or more.
+    """
+    rows: list[Row] = []
+    for line in pathlib.Path(path).read_text("utf-8", errors="replace").split("\n"):
+        row = _parsed(line)
+        if row is not None:
+            while rows and rows[-1]["steps"] >= row["steps"]:
+                rows.pop()
+            rows.append(row)
+    return rows
 
 
-class Bar:
-    """A progress bar on standard error: reward, steps per second, time left."""
-
-    def __init__(self, title: str, total_steps: int, done: int = 0):
-        field = rich.progress.TextColumn
-        self._progress = rich.progress.Progress(
-            field("{task.description}"),
-            rich.progress.BarColumn(bar_width=None),
-            rich.progress.TaskProgressColumn(),
-            field("reward {task.fields[reward]}"),
-            field("evaluated {task.fields[evaluated]}"),
-            field("{task.fields[speed]} steps/s"),
-            field("left"),
-            rich.progress.TimeRemainingColumn(),
-            console=rich.console.Console(stderr=True),
-        )
-        self._task = self._progress.add_task(
-            title, total=total_steps, completed=done, reward="-", evaluated="-", speed="-"
-        )
-        self._rate = Rate()
-        self._progress.start()
-
-    def write(self, row: Row) -> None:
-        """Show the newest row."""
-        fields: dict[str, Any] = {"speed": f"{self._rate.update(row['steps']):,.0f}"}
-        if math.isfinite(row.get("episode_return", math.nan)):
-            fields["reward"] = f"{row['episode_return']:,.1f}"
-        if "eval_return" in row:
-            fields["evaluated"] = f"{row['eval_return']:,.1f}"
-        if row.get("nonfinite", 0) > 0:
-            self._progress.console.print(
-                f"{row['nonfinite']:.0f} environments diverged and were reset", style="yellow"
-            )
-        self._progress.update(self._task, completed=row["steps"], **fields)
-
-    def close(self) -> None:
-        """Leave the last line on the screen."""
-        self._progress.stop()
+def replace(path: pathlib.Path, text: str) -> None:
+    """Write a file so that a crash leaves either the old or the new one."""
+    new = path.with_name(path.name + ".new")
+    new.write_text(text, "utf-8")
+    os.replace(new, path)
 
 
-class Rate:
-    """Steps per second between updates, smoothed over a few of them."""
-
-    def __init__(self):
-        self._time, self._steps, self._rate = time.perf_counter(), None, 0.0
-
-    def update(self, steps: float) -> float:
-        """Rate after `steps` steps in total."""
-        now = time.perf_counter()
-        if self._steps is not None and now > self._time:
-            rate = (steps - self._steps) / (now - self._time)
-            self._rate = rate if self._rate == 0 else 0.8 * self._rate + 0.2 * rate
-        self._time, self._steps = now, steps
-        return self._rate
+def _line(row: Row) -> str:
+    return json.dumps({k: v if math.isfinite(v) else None for k, v in row.items()}) + "\n"
 
 
-def _tensorboard(directory: pathlib.Path):
+def _parsed(line: str) -> Row | None:
+    """A row, or None where the line is none."""
+    try:
+        values = json.loads(line)
+        row = {name: math.nan if x is None else float(x) for name, x in values.items()}
+        return {**row, "steps": int(row["steps"]), "seconds": row["seconds"]}
+    except (ValueError, TypeError, AttributeError, KeyError):
+        return None
+
+
+def _tensorboard(directory: pathlib.Path, steps: int) -> Any:
     try:
         import tensorboardX
     except ImportError:
         return None
-    return tensorboardX.SummaryWriter(str(directory))
+    return tensorboardX.SummaryWriter(str(directory), purge_step=steps + 1 if steps else None)

@@ -4,7 +4,7 @@ All take observations with any leading axes, so that a batch is one matrix produ
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, get_args
 
 import jax
 import jax.numpy as jnp
@@ -14,13 +14,9 @@ from flax import struct
 from jaxtyping import Array, Float
 
 from jaxsim.rl.normalize import RunningStatistics
+from jaxsim.rl.values import Activation
 
-ACTIVATIONS: dict[str, Callable] = {
-    "tanh": nn.tanh,
-    "relu": nn.relu,
-    "elu": nn.elu,
-    "swish": nn.swish,
-}
+ACTIVATIONS: dict[str, Callable] = {name: getattr(nn, name) for name in get_args(Activation)}
 
 
 class MLP(nn.Module):

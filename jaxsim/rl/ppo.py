@@ -7,7 +7,7 @@ which each device works on its own environments and gradients are averaged.
 """
 
 import dataclasses
-from typing import Any
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
@@ -20,11 +20,12 @@ from jaxsim.envs import Env
 from jaxsim.parallel.devices import AXIS
 from jaxsim.rl.algorithm import Algorithm
 from jaxsim.rl.collect import Actors, Experience, collect
-from jaxsim.rl.config import ConfigError, NetworkConfig, TrainConfig
+from jaxsim.rl.config import NetworkConfig, TrainConfig
 from jaxsim.rl.descent import Adam, average, check_minibatches, keep_finite, minibatches
 from jaxsim.rl.gae import advantages
 from jaxsim.rl.networks import Gaussian, GaussianPolicy, Policy, Value
 from jaxsim.rl.normalize import LIMIT, RunningStatistics, discounted_returns
+from jaxsim.rl.values import Count, Fraction, NotNegative, Positive
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,22 +54,22 @@ class Config(TrainConfig):
       value: network of the value function.
     """
 
-    unroll: int = 32
-    minibatches: int = 8
-    passes: int = 4
-    discount: float = 0.99
-    decay: float = 0.95
-    clip: float = 0.2
-    learning_rate: float = 3e-4
-    schedule: str = "linear"
-    target_kl: float = 0.01
-    max_grad_norm: float = 1.0
-    entropy: float = 0.0
-    value_weight: float = 0.5
+    unroll: Count = 32
+    minibatches: Count = 8
+    passes: Count = 4
+    discount: Fraction = 0.99
+    decay: Fraction = 0.95
+    clip: Positive = 0.2
+    learning_rate: Positive = 3e-4
+    schedule: Literal["linear", "constant", "kl"] = "linear"
+    target_kl: Positive = 0.01
+    max_grad_norm: Positive = 1.0
+    entropy: NotNegative = 0.0
+    value_weight: NotNegative = 0.5
     normalize_obs: bool = True
     normalize_reward: bool = True
-    reward_scale: float = 1.0
-    initial_std: float = 1.0
+    reward_scale: Positive = 1.0
+    initial_std: Positive = 1.0
     policy: NetworkConfig = dataclasses.field(default_factory=NetworkConfig)
     value: NetworkConfig = dataclasses.field(default_factory=NetworkConfig)
 
@@ -134,8 +135,6 @@ class PPO(Algorithm):
         super().__init__(env, config, devices, config.unroll)
         samples = config.envs // devices * config.unroll
         check_minibatches(samples, config.minibatches, "envs * unroll")
-        if config.schedule not in ("linear", "constant", "kl"):
-            raise ConfigError(f"schedule must be linear, constant or kl, got {config.schedule!r}")
         self.network: Any = GaussianPolicy(
             env.action_size, config.policy.hidden, config.policy.activation, config.initial_std
         )

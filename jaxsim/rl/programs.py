@@ -26,17 +26,33 @@ class Programs:
       epoch: `Training -> (Training, metrics)`; the memory of the argument is used again.
       evaluate: `learner -> Evaluation` of the deterministic policy.
       policy: `learner -> Policy`, as arrays that all devices have.
-      template: shapes and shardings of the training state.
     """
 
     start: Callable[[], Training]
     epoch: Callable[[Training], tuple[Training, dict[str, Any]]]
     evaluate: Callable[[Any], Evaluation]
     policy: Callable[[Any], Policy]
-    template: Training
 
 
-def compile_all(env: Env, algorithm: Algorithm, seed: int, mesh: Mesh) -> Programs:
+class Start:
+    """How a training begins, traced and not yet compiled.
+
+    Attributes:
+      program: `() -> Training`.
+      template: shapes and shardings of what it returns.
+    """
+
+    def __init__(self, algorithm: Algorithm, seed: int, mesh: Mesh):
+        self.program = parallel(lambda: _start(algorithm, seed, mesh.size), mesh, (), SPECS)
+        shapes = jax.eval_shape(self.program)
+        self.template: Training = jax.tree.map(
+            lambda x, sharding: jax.ShapeDtypeStruct(x.shape, x.dtype, sharding=sharding),
+            shapes,
+            _like(shapes, shardings(mesh, SPECS)),
+        )
+
+
+def compile_all(env: Env, algorithm: Algorithm, seed: int, mesh: Mesh, start: Start) -> Programs:
     """Trace all programs, then compile them at the same time.
 
     Args:
@@ -44,13 +60,9 @@ def compile_all(env: Env, algorithm: Algorithm, seed: int, mesh: Mesh) -> Progra
       algorithm: the trainer.
       seed: of everything random.
       mesh: the devices.
+      start: how it begins.
     """
-    start = parallel(lambda: _start(algorithm, seed, mesh.size), mesh, (), SPECS)
-    template = jax.tree.map(
-        lambda x, sharding: jax.ShapeDtypeStruct(x.shape, x.dtype, sharding=sharding),
-        jax.eval_shape(start),
-        _like(jax.eval_shape(start), shardings(mesh, SPECS)),
-    )
+    template = start.template
     epoch = parallel(
         lambda training: _epoch(algorithm, training), mesh, (SPECS,), (SPECS, EVERYWHERE), donate=0
     )
@@ -62,7 +74,7 @@ def compile_all(env: Env, algorithm: Algorithm, seed: int, mesh: Mesh) -> Progra
     )
     policy = parallel(algorithm.policy, mesh, (EVERYWHERE,), EVERYWHERE)
     lowered = {
-        "start": start.lower(),
+        "start": start.program.lower(),
         "epoch": epoch.lower(template),
         "evaluate": judge.lower(template.learner),
         "policy": policy.lower(template.learner),
@@ -70,7 +82,7 @@ def compile_all(env: Env, algorithm: Algorithm, seed: int, mesh: Mesh) -> Progra
     with concurrent.futures.ThreadPoolExecutor() as pool:
         compiled = {name: pool.submit(program.compile) for name, program in lowered.items()}
     programs: dict[str, Any] = {name: future.result() for name, future in compiled.items()}
-    return Programs(**programs, template=template)
+    return Programs(**programs)
 
 
 def _start(algorithm: Algorithm, seed: int, devices: int) -> Training:

@@ -8,7 +8,7 @@ program, in which each device has its own environments and buffer and gradients 
 """
 
 import dataclasses
-from typing import Any
+from typing import Annotated, Any
 
 import jax
 import jax.numpy as jnp
@@ -22,10 +22,11 @@ from jaxsim.envs import Env
 from jaxsim.parallel.devices import AXIS
 from jaxsim.rl.algorithm import Algorithm
 from jaxsim.rl.collect import Actors, Experience, collect
-from jaxsim.rl.config import ConfigError, NetworkConfig, TrainConfig
+from jaxsim.rl.config import NetworkConfig, TrainConfig
 from jaxsim.rl.descent import Adam, average, blend, keep_finite
 from jaxsim.rl.networks import MLP, Policy, TanhGaussianPolicy
 from jaxsim.rl.normalize import RunningStatistics
+from jaxsim.rl.values import ConfigError, Count, Fraction, Positive, Range
 
 NETWORK = NetworkConfig((128, 128), "relu")
 
@@ -51,19 +52,19 @@ class Config(TrainConfig):
       value: network of each critic.
     """
 
-    envs: int = 64
-    unroll: int = 1
-    updates: int = 16
-    batch: int = 256
-    capacity: int = 262_144
-    warmup: int = 8192
-    discount: float = 0.99
-    learning_rate: float = 3e-4
-    follow: float = 0.005
+    envs: Count = 64
+    unroll: Count = 1
+    updates: Count = 16
+    batch: Count = 256
+    capacity: Count = 262_144
+    warmup: Annotated[int, Range(0, 10**15)] = 8192
+    discount: Fraction = 0.99
+    learning_rate: Positive = 3e-4
+    follow: Fraction = 0.005
     entropy: float = -1.0
-    initial_temperature: float = 0.2
+    initial_temperature: Positive = 0.2
     normalize_obs: bool = False
-    reward_scale: float = 1.0
+    reward_scale: Positive = 1.0
     policy: NetworkConfig = NETWORK
     value: NetworkConfig = NETWORK
 

@@ -41,6 +41,7 @@ from jaxsim.rl.differentiable import (
 from jaxsim.rl.gae import advantages
 from jaxsim.rl.networks import Policy, TanhGaussianPolicy, Value
 from jaxsim.rl.normalize import RunningStatistics
+from jaxsim.rl.values import Average, Count, Fraction, NotNegative, Positive
 
 NETWORK = NetworkConfig(activation="elu")
 
@@ -71,22 +72,22 @@ class Config(TrainConfig):
       value: network of the critic.
     """
 
-    envs: int = 128
-    horizon: int = 32
-    episode_steps: int | None = None
-    discount: float = 0.99
-    decay: float = 0.95
-    follow: float = 0.8
-    minibatches: int = 4
-    passes: int = 4
-    policy_rate: float = 2e-3
-    value_rate: float = 1e-3
-    momentum: tuple[float, ...] = (0.7, 0.95)
-    max_grad_norm: float = 1.0
-    max_step_gradient: float = NO_LIMIT
+    envs: Count = 128
+    horizon: Count = 32
+    episode_steps: Count | None = None
+    discount: Fraction = 0.99
+    decay: Fraction = 0.95
+    follow: Fraction = 0.8
+    minibatches: Count = 4
+    passes: Count = 4
+    policy_rate: Positive = 2e-3
+    value_rate: Positive = 1e-3
+    momentum: tuple[Average, Average] = (0.7, 0.95)
+    max_grad_norm: Positive = 1.0
+    max_step_gradient: Positive = NO_LIMIT
     normalize_obs: bool = True
-    reward_scale: float = 1.0
-    entropy: float = 0.0
+    reward_scale: Positive = 1.0
+    entropy: NotNegative = 0.0
     policy: NetworkConfig = NETWORK
     value: NetworkConfig = NETWORK
 

@@ -52,6 +52,11 @@ def test_train_resume_play(config, tmp_path, capsys):
     assert "fast, trained by ppo" in report
     assert "20.0 steps" in report
 
+    assert run("train", "fast", "--resume", out, "--no-video") == 0
+    told = capsys.readouterr()
+    assert "has come to its end, and nothing was changed" in told.err
+    assert not told.out
+
     assert run("train", "reacher", "--resume", out) == 2
     assert "is about fast, not reacher" in capsys.readouterr().err
     assert run("train", "fast", "--out", out) == 2

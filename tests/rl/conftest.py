@@ -1,7 +1,11 @@
 """What tests of trainers share: tiny settings on the trivial environment."""
 
+import dataclasses
+
 import jax
 import pytest
+
+from jaxsim.rl import driver
 
 
 @pytest.fixture(scope="session")
@@ -18,6 +22,24 @@ def tiny() -> dict:
         "policy": {"hidden": [8]},
         "value": {"hidden": [8]},
     }
+
+
+_PROGRAMS: dict = {}
+
+
+@pytest.fixture
+def compiled_once(monkeypatch):
+    """Trainings of one kind share their compiled programs."""
+    compile_all = driver.compile_all
+
+    def remembered(env, algorithm, seed, mesh, start):
+        config = dataclasses.replace(algorithm.config, target=None)
+        key = (jax.tree.structure(env), type(algorithm), repr(config), seed, mesh)
+        if key not in _PROGRAMS:
+            _PROGRAMS[key] = compile_all(env, algorithm, seed, mesh, start)
+        return _PROGRAMS[key]
+
+    monkeypatch.setattr(driver, "compile_all", remembered)
 
 
 @pytest.fixture

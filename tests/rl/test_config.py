@@ -6,7 +6,7 @@ import pathlib
 import pytest
 
 import jaxsim.rl
-from jaxsim.rl import config, ppo
+from jaxsim.rl import config, ppo, shac
 from jaxsim.rl.config import ConfigError
 
 FILES = sorted((pathlib.Path(__file__).parents[2] / "configs").glob("*/*.yaml"))
@@ -38,16 +38,62 @@ def test_assignments_are_yaml():
         ("policy.hiden=1", "unknown setting 'policy.hiden'; did you mean hidden"),
         ("xyz=1", "known are .*clip, .*unroll"),
         ("unroll", "expected key=value, got 'unroll'"),
-        ("unroll=1.5", "unroll must be of type int, got 1.5"),
-        ("unroll=true", "unroll must be of type int, got True"),
-        ("discount=high", "discount must be of type float, got 'high'"),
-        ("normalize_obs=1", "normalize_obs must be of type bool, got 1"),
+        ("unroll=1.5", "unroll must be a whole number, got 1.5"),
+        ("unroll=true", "unroll must be a whole number, got True"),
+        ("unroll=0", "unroll must be at least 1 and at most 2147483647, got 0"),
+        ("envs=1e30", "envs must be at least 1 and at most 2147483647, got 1e[+]30"),
+        ("total_steps=.inf", "total_steps must be a whole number, got inf"),
+        ("total_steps=[1", "cannot read the value in 'total_steps=.1'"),
+        ("discount=high", "discount must be a finite number, got 'high'"),
+        ("discount=2", "discount must be at least 0 and at most 1, got 2"),
+        ("learning_rate=-1", "learning_rate must be more than 0, got -1"),
+        ("learning_rate=.inf", "learning_rate must be a finite number, got inf"),
+        ("normalize_obs=1", "normalize_obs must be true or false, got 1"),
+        ("schedule=cosine", "schedule must be linear, constant or kl, got 'cosine'"),
+        ("policy.activation=foo", "policy.activation must be tanh, relu, elu or swish, got 'foo'"),
+        ("policy.hidden=[8, -1]", "policy.hidden must be at least 1 .*got -1"),
         ("policy=64", "policy must be a mapping, got 64"),
+        ("env_options=3", "env_options must be a mapping, got 3"),
+        ("learning_rate.x=1", "learning_rate must be a finite number, got {'x': 1}"),
     ],
 )
 def test_mistakes_are_errors_that_help(assignment, message):
     with pytest.raises(ConfigError, match=message):
         config.override(ppo.Config(), [assignment])
+
+
+def test_all_mistakes_are_told_at_once():
+    """Of several assignments, within a record in a record, and of a mapping."""
+    with pytest.raises(ConfigError) as caught:
+        config.override(ppo.Config(), ["envs=0", "xyz=1", "policy.hidden=[0]", "clip=[1"])
+    assert len(caught.value.problems) == 4
+    assert str(caught.value).startswith("4 settings are wrong:\n- cannot read")
+    with pytest.raises(ConfigError) as caught:
+        config.build(ppo.Config, {"unroll": 0, "value": {"activation": "x", "hidden": "y"}})
+    assert [text.split()[0] for text in caught.value.problems] == [
+        *("unroll", "value.activation", "value.hidden")
+    ]
+
+
+def test_records_check_themselves():
+    with pytest.raises(ConfigError, match="total_steps must be at least 1 .* got -5"):
+        ppo.Config(total_steps=-5)
+    with pytest.raises(ConfigError, match="must be a finite number, got nan"):
+        dataclasses.replace(ppo.Config(), learning_rate=float("nan"))
+    with pytest.raises(ConfigError, match="activation must be tanh"):
+        config.NetworkConfig(activation="foo")
+    assert isinstance(ppo.Config(total_steps=1e6).total_steps, int)
+
+
+@pytest.mark.parametrize("value", ["0.9", "[0.9]", "[0.9, 1]", "[0.9, 0.99, 0.999]"])
+def test_momentum_is_two_factors_below_one(value):
+    with pytest.raises(ConfigError, match="momentum must be (2 values|.* less than 1)"):
+        config.override(shac.Config(), [f"momentum={value}"])
+
+
+def test_an_assignment_to_an_option_leaves_the_others():
+    options = config.override(ppo.Config(), ["env_options={a: 1, b: 2}", "env_options.b=1e-3"])
+    assert options.env_options == {"a": 1, "b": 1e-3}
 
 
 def test_plain_settings_can_be_read_back():
@@ -89,7 +135,15 @@ def test_unknown_algorithm_and_environment():
         jaxsim.rl.resolve("fast", "pppo")
     with pytest.raises(ConfigError, match="did you mean fast"):
         jaxsim.rl.train("fasst", settings={})
-    with pytest.raises(ConfigError, match="has no option 'frame_skp'; did you mean frame_skip"):
-        jaxsim.rl.train("fast", settings={"env_options": {"frame_skp": 1}})
+    options = {"frame_skp": 1, "frame_skip": "a", "model": 3}
+    with pytest.raises(
+        ConfigError, match="no option 'frame_skp'; did you mean frame_skip"
+    ) as found:
+        jaxsim.rl.train("fast", settings={"env_options": options})
+    assert "'frame_skip' of fast must be a positive whole number, got 'a'" in str(found.value)
+    assert "'model' of fast must be a model, as from jaxsim.load, got 3" in str(found.value)
+    for name in ("os:system", ":", "..x:y", "collections:Counter", "jaxsim.rl:Nothing"):
+        with pytest.raises(ConfigError, match="algorithm"):
+            jaxsim.rl.resolve("fast", name)
     with pytest.raises(ConfigError, match="settings of ppo must be a mapping, a file or a"):
         jaxsim.rl.train("fast", settings=3)

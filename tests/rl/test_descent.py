@@ -33,11 +33,6 @@ def test_adam_scales_long_gradients_down():
     np.testing.assert_allclose(np.sort(moments[0]), [0.0, 0.6, 0.8], rtol=1e-6)
 
 
-def test_momentum_is_two_numbers():
-    with pytest.raises(ConfigError, match="momentum must be two numbers, got"):
-        Adam(momentum=(0.9,))
-
-
 @pytest.mark.parametrize("bad", [jnp.nan, jnp.inf])
 def test_keep_finite(bad):
     old, new = PARAMS, jax.tree.map(lambda x: x + 1, PARAMS)

@@ -1,5 +1,6 @@
 """Training as a whole: schedule, logs, resume to the last bit, interrupts, NaN, devices."""
 
+import contextlib
 import dataclasses
 import importlib.util
 import os
@@ -14,13 +15,15 @@ from flax import struct
 from jaxsim import envs
 from jaxsim.envs import Wrapper
 from jaxsim.rl import config, driver, metrics, train
-from jaxsim.rl.checkpoint import CheckpointError
+from jaxsim.rl.checkpoint import CheckpointError, Checkpoints
 from jaxsim.rl.driver import load_policy
 from jaxsim.rl.ppo import PPO
 
+pytestmark = pytest.mark.usefixtures("compiled_once")
 
-@pytest.fixture(scope="module")
-def whole(tiny):
+
+@pytest.fixture
+def whole(tiny, compiled_once):
     """A training from beginning to end."""
     return train("fast", settings=tiny)
 
@@ -86,6 +89,70 @@ def test_directory_of_a_run(whole, tiny, tmp_path, bits):
         train("fast", settings=tiny, directory=tmp_path / "run")
 
 
+def test_a_finished_run_stays_as_it_is(whole, tiny, tmp_path, bits, monkeypatch):
+    """Nothing is compiled or written: the total is reached, or the target is."""
+    directory = tmp_path / "run"
+    train("fast", settings=tiny | {"target": -1e9}, directory=directory)
+    files = {path: path.read_bytes() for path in directory.rglob("*") if path.is_file()}
+    with monkeypatch.context() as context:
+        context.setattr(driver, "compile_all", None)
+        again = train("fast", settings=tiny | {"target": -1e9}, directory=directory, resume=True)
+    assert again.finished
+    assert again.history == []
+    assert bits(again.policy) == bits(load_policy(directory))
+    assert {p: p.read_bytes() for p in directory.rglob("*") if p.is_file()} == files
+    longer = train("fast", settings=tiny, directory=directory, resume=True)
+    assert not longer.finished
+    assert bits(longer.training) == bits(whole.training)
+
+
+def test_a_run_of_another_kind_is_not_resumed(tiny, tmp_path):
+    (tmp_path / "run.yaml").write_text("env: reacher\nalgorithm: ppo\nseed: 0\nsettings: {}\n")
+    with pytest.raises(CheckpointError, match="is about reacher, not fast"):
+        train("fast", settings=tiny, directory=tmp_path, resume=True)
+    (tmp_path / "run.yaml").write_text("env: fast\nalgorithm: sac\nseed: 0\nsettings: {}\n")
+    with pytest.raises(CheckpointError, match="is about sac, not ppo"):
+        train("fast", settings=tiny, directory=tmp_path, resume=True)
+
+
+def test_a_checkpoint_of_other_settings_is_told(tiny, tmp_path):
+    train("fast", settings=tiny | {"total_steps": 128}, directory=tmp_path)
+    other = tiny | {"policy": {"hidden": [9]}}
+    with pytest.raises(CheckpointError, match=r"of other settings: .*is of shape \[.*, here of \["):
+        train("fast", settings=other, directory=tmp_path, resume=True)
+
+
+class Killed(BaseException):
+    """The end of the process, as far as a test within it can have it."""
+
+
+@pytest.mark.parametrize("moment", range(6))
+def test_killed_at_any_moment_ends_bit_identical(whole, tiny, bits, tmp_path, monkeypatch, moment):
+    """In the middle of a row, between row and checkpoint, within a checkpoint, after it."""
+    directory = tmp_path / "run"
+    places = [(metrics.Logs, "write"), (Checkpoints, "save")]
+    owner, name = places[moment % 2]
+    calls = iter(range(10))
+    original = getattr(owner, name)
+
+    def killed(self, *args):
+        if next(calls) == moment // 2:
+            if owner is metrics.Logs:
+                self._file.write(b'{"steps": 12')
+            raise Killed
+        original(self, *args)
+
+    with monkeypatch.context() as context:
+        context.setattr(owner, name, killed)
+        with contextlib.suppress(Killed):
+            train("fast", settings=tiny, directory=directory)
+    resumed = train("fast", settings=tiny, directory=directory, resume=True)
+    assert bits(resumed.training) == bits(whole.training)
+    rows = metrics.read(directory / "metrics.jsonl")
+    assert [row["steps"] for row in rows] == [128, 256, 384, 512]
+    assert len((directory / "metrics.jsonl").read_text().splitlines()) == 4
+
+
 def test_environment_without_a_name(tiny, tmp_path):
     train(envs.make("fast"), settings=tiny, directory=tmp_path / "run")
     with pytest.raises(CheckpointError, match="an environment without a name; pass env"):
@@ -140,7 +207,11 @@ def test_an_algorithm_of_ones_own(tiny, tmp_path):
     name = driver.algorithm_name(Patient)
     assert driver.algorithm_class(name) is Patient
     assert driver.resolve("fast", name).learning_rate == 1e-5
-    restored = driver.load_policy(tmp_path / "run")
+    with pytest.raises(CheckpointError, match="imported only if you name it too"):
+        driver.load_policy(tmp_path / "run")
+    with pytest.raises(CheckpointError, match="the algorithm of this run is .*, not 'ppo'"):
+        driver.load_policy(tmp_path / "run", algorithm="ppo")
+    restored = driver.load_policy(tmp_path / "run", algorithm=Patient)
     obs = jnp.ones(result.policy.statistics.mean.shape)
     np.testing.assert_array_equal(restored(obs), result.policy(obs))
 

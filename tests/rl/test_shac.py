@@ -110,7 +110,7 @@ def test_poisoned_gradient_does_not_reach_the_policy(bits):
     [
         ({"envs": 7}, "envs must be a multiple of the 2 devices, got 7"),
         ({"minibatches": 5}, r"envs \* horizon on each device \(12\) must be a multiple of"),
-        ({"momentum": 0.9}, "momentum must be two numbers"),
+        ({"momentum": 0.9}, "momentum must be 2 values, got 0.9"),
     ],
 )
 def test_settings_that_make_no_sense(settings, message):

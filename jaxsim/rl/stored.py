@@ -1,0 +1,99 @@
+"""What is read back from the directory of a run.
+
+A run may be somebody else's. It may name code, "module:Class", for its environment or its
+algorithm; such code is imported only if the caller names it too.
+"""
+
+import pathlib
+from collections.abc import Mapping
+from typing import Any
+
+import jax
+
+from jaxsim import envs
+from jaxsim.rl import config
+from jaxsim.rl.algorithm import Algorithm
+from jaxsim.rl.checkpoint import CheckpointError, Checkpoints
+from jaxsim.rl.directory import read_run
+from jaxsim.rl.lookup import algorithm_class, algorithm_name, make_env
+from jaxsim.rl.networks import Policy
+from jaxsim.rl.values import ConfigError
+
+
+def load_policy(
+    directory: str | pathlib.Path,
+    env: envs.Env | str | None = None,
+    algorithm: str | type[Algorithm] | None = None,
+) -> Policy:
+    """The policy in the newest checkpoint of a run that can be read.
+
+    Args:
+      directory: of the run.
+      env: the environment, if it was not made from a name of `jaxsim.envs.names()`.
+      algorithm: the algorithm, if it is not one of `ALGORITHMS`.
+
+    Raises:
+      CheckpointError: there is no usable checkpoint, or it is of another environment; or nothing
+        tells the environment, or the run names code that the caller does not.
+    """
+    run = read_run(directory)
+    if env is None or isinstance(env, str):
+        env = run_env(run, env, algorithm)
+    cls, settings = stored_settings(run, algorithm)
+    made = cls(envs.AutoReset(env), settings)
+    template = jax.eval_shape(lambda key: made.policy(made.init(key)), jax.random.key(0))
+    here = jax.sharding.SingleDeviceSharding(jax.devices()[0])
+    template = jax.tree.map(
+        lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype, sharding=here), template
+    )
+    store = Checkpoints(directory, read_only=True)
+    try:
+        return store.restore_policy(template)
+    finally:
+        store.close()
+
+
+def run_env(
+    run: Mapping[str, Any],
+    env: str | None = None,
+    algorithm: str | type[Algorithm] | None = None,
+) -> envs.Env:
+    """The environment of a run, from what its directory says; arguments as for `load_policy`.
+
+    Raises:
+      CheckpointError: it was trained in an environment without a name, or in one that is code
+        which the caller does not name.
+    """
+    name = run["env"] if env is None else env
+    if name is None:
+        raise CheckpointError("this run was trained in an environment without a name; pass env")
+    _check_code("env", run["env"], env)
+    return make_env(name, stored_settings(run, algorithm)[1])
+
+
+def stored_settings(
+    run: Mapping[str, Any], algorithm: str | type[Algorithm] | None = None
+) -> tuple[type[Any], config.TrainConfig]:
+    """The algorithm of a run and its settings; arguments as for `load_policy`.
+
+    Raises:
+      CheckpointError: the algorithm is code that the caller does not name, or the settings are
+        none of its settings.
+    """
+    _check_code("algorithm", run["algorithm"], algorithm and algorithm_name(algorithm))
+    try:
+        cls = algorithm_class(run["algorithm"] if algorithm is None else algorithm)
+        return cls, config.build(cls.Config, run["settings"])
+    except ConfigError as error:
+        raise CheckpointError(f"the settings of this run are damaged: {error}") from error
+
+
+def _check_code(what: str, stored: str | None, named: str | None) -> None:
+    """What a run names is followed only where it is jaxsim's own, or the caller says the same."""
+    if named is not None and stored not in (None, named):
+        raise CheckpointError(f"the {what} of this run is {stored!r}, not {named!r}")
+    if named is None and stored is not None and ":" in stored:
+        raise CheckpointError(
+            f"the {what} of this run is {stored!r}, code that is imported only if you name it too: "
+            f"{what}={stored!r}, or --{what} {stored}, if you trust it"
+        )
