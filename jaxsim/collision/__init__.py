@@ -7,7 +7,7 @@ from jaxsim.collision.candidates import (
     is_movable,
     model_candidates,
 )
-from jaxsim.collision.contact import Block, Contact, ContactKind
+from jaxsim.collision.contact import Contact, ContactKind, SlotRange
 from jaxsim.collision.detect import detect
 from jaxsim.collision.parameters import contact_parameters
 from jaxsim.collision.shapes import INACTIVE, Contacts, Shape
@@ -16,7 +16,6 @@ from jaxsim.collision.table import PAIRS, PairFunction
 __all__ = [
     "INACTIVE",
     "PAIRS",
-    "Block",
     "Candidates",
     "Contact",
     "ContactKind",
@@ -24,6 +23,7 @@ __all__ = [
     "PairFunction",
     "PairGroup",
     "Shape",
+    "SlotRange",
     "contact_parameters",
     "detect",
     "find_candidates",

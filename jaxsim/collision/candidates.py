@@ -13,7 +13,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from jaxsim.collision.contact import Block, ContactKind
+from jaxsim.collision.contact import ContactKind, SlotRange
 from jaxsim.collision.table import PAIRS, supported_pairs, type_name
 from jaxsim.model.errors import ModelError
 from jaxsim.model.facts import fact
@@ -70,11 +70,11 @@ class Candidates:
         )
 
     @property
-    def blocks(self) -> tuple[Block, ...]:
-        """The blocks of contact slots, one for each kind."""
+    def ranges(self) -> tuple[SlotRange, ...]:
+        """The ranges of contact slots, one for each kind."""
         stops = np.cumsum(self._slots(), dtype=int).tolist()
-        blocks = zip([0, *stops], stops, self.by_kind(), strict=False)
-        return tuple(Block(start, stop, kind) for start, stop, kind in blocks)
+        ranges = zip([0, *stops], stops, self.by_kind(), strict=False)
+        return tuple(SlotRange(start, stop, kind) for start, stop, kind in ranges)
 
     @property
     def ncon(self) -> int:

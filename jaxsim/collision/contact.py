@@ -21,7 +21,7 @@ class ContactKind(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True)
-class Block:
+class SlotRange:
     """Contact slots `start:stop`, which are all of one kind."""
 
     start: int
@@ -35,7 +35,7 @@ class Block:
 
     @property
     def slots(self) -> slice:
-        """The block as a slice of the contact arrays."""
+        """The range as a slice of the contact arrays."""
         return slice(self.start, self.stop)
 
 
@@ -60,7 +60,7 @@ class Contact:
       pair: index of the explicit <pair> that made the contact, -1 for the others, likewise.
       overflow: number of contacts that did not fit into the slots; may also count contacts that a
         bounding volume could not rule out, so 0 guarantees that nothing was lost.
-      blocks: consecutive blocks of slots of one kind.
+      ranges: consecutive ranges of slots of one kind each.
     """
 
     dist: Float[Array, "nc"]
@@ -75,7 +75,7 @@ class Contact:
     geom2: Int[Array, "nc"] | np.ndarray
     pair: Int[Array, "nc"] | np.ndarray
     overflow: Int[Array, ""]
-    blocks: tuple[Block, ...] = struct.field(pytree_node=False)
+    ranges: tuple[SlotRange, ...] = struct.field(pytree_node=False)
 
     @property
     def active(self) -> Bool[Array, "nc"]:
@@ -85,4 +85,4 @@ class Contact:
     @property
     def condim(self) -> np.ndarray:
         """Dimension of each slot (static)."""
-        return np.repeat([b.condim for b in self.blocks], [b.stop - b.start for b in self.blocks])
+        return np.repeat([r.condim for r in self.ranges], [r.stop - r.start for r in self.ranges])

@@ -56,9 +56,9 @@ def detect(
     """
     shapes = Shape(geom_xpos, geom_xmat, jnp.asarray(model.geom_size, geom_xpos.dtype))
     parts, overflow = [], jnp.zeros((), int)
-    for block, groups in zip(candidates.blocks, candidates.by_kind().values(), strict=True):
+    for span, groups in zip(candidates.ranges, candidates.by_kind().values(), strict=True):
         found = [_evaluate(model, g, shapes, candidates.max_geom_pairs) for g in groups]
-        slots, lost = _deepest(model, _joined([s for s, _ in found]), block.stop - block.start)
+        slots, lost = _deepest(model, _joined([s for s, _ in found]), span.stop - span.start)
         overflow = overflow + lost + sum(n for _, n in found)
         parts.append(slots)
     slots = _joined(parts) if parts else _empty(geom_xpos.dtype)
@@ -72,7 +72,7 @@ def detect(
         geom2=slots.geom2,
         pair=slots.pair,
         overflow=overflow,
-        blocks=candidates.blocks,
+        ranges=candidates.ranges,
     )
 
 

@@ -1,6 +1,6 @@
 """Equality, dry friction, limits and contacts as one convex problem, and its solution."""
 
-from jaxsim.constraint.block import Block
+from jaxsim.constraint.block import Block, RowType
 from jaxsim.constraint.scene import Scene
 from jaxsim.constraint.solve import (
     Constrained,
@@ -12,6 +12,7 @@ from jaxsim.constraint.solve import (
 __all__ = [
     "Block",
     "Constrained",
+    "RowType",
     "Scene",
     "constrained_acceleration",
     "constrained_at",

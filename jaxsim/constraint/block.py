@@ -1,34 +1,39 @@
-"""A block of constraint rows: its cost, its Jacobian, and what it is."""
+"""A block of constraint rows: what they are, their cost and their Jacobian."""
 
-import jax.numpy as jnp
+import enum
+
 from flax import struct
-from jaxtyping import Array
 
 from jaxsim.constraint.jacobian import Jacobian
 from jaxsim.solver import Kind
 
 
+class RowType(enum.Enum):
+    """What a row holds in place. The values are for messages."""
+
+    CONNECT = "connect equality"
+    WELD = "weld equality"
+    JOINT = "joint equality"
+    TENDON = "tendon equality"
+    FRICTION_DOF = "joint friction"
+    FRICTION_TENDON = "tendon friction"
+    LIMIT_JOINT = "joint limit"
+    LIMIT_TENDON = "tendon limit"
+    CONTACT = "contact"
+
+
 @struct.dataclass
 class Block:
-    """Rows of one kind.
+    """Rows of one type.
 
     Attributes:
       kind: cost of the rows, with their reference accelerations and regularisation.
       jacobian: how the rows depend on the accelerations.
-      violation: position-level violation of the rows, `efc_pos - efc_margin` in MuJoCo.
-      velocity: velocity of the rows, `efc_vel`.
-      name: what the rows are, static.
+      type: what the rows hold in place, static.
       ids: id of the element behind each entry along the first axis, static; empty for contacts.
     """
 
     kind: Kind
     jacobian: Jacobian
-    violation: Array
-    velocity: Array
-    name: str = struct.field(pytree_node=False)
+    type: RowType = struct.field(pytree_node=False)
     ids: tuple[int, ...] = struct.field(pytree_node=False, default=())
-
-
-def inverse_where(active, R):
-    """`1 / R` where active, else zero: the row then contributes nothing."""
-    return jnp.where(active, 1 / jnp.where(active, R, 1.0), 0.0)

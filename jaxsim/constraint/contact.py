@@ -1,49 +1,43 @@
-"""Contact rows: frictionless, pyramidal and elliptic.
-
-In the contact frame a relative motion has a normal, two sliding, one spinning and two rolling
-components; `condim` says how many of them are constrained, and each of these is a row.
-"""
+"""Contact rows: geometry and velocity of each contact, and what the model's law makes of them."""
 
 import jax
 import jax.numpy as jnp
-import mujoco
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsim.arrays.indexing import take
+from jaxsim.arrays.indexing import Index, gather
 from jaxsim.collision import Contact, ContactKind
-from jaxsim.constraint.block import Block, inverse_where
-from jaxsim.constraint.contact_rows import contact_rows
-from jaxsim.constraint.impedance import MIN_VALUE, response
+from jaxsim.constraint.block import Block, RowType
+from jaxsim.constraint.contact_rows import ContactRows, contact_rows
+from jaxsim.constraint.laws import LAWS, ContactState
 from jaxsim.constraint.scene import Scene
-from jaxsim.solver import EllipticCone, PyramidalCone, Unilateral
-
-ELLIPTIC = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
 
 
 def contact_blocks(scene: Scene, contact: Contact) -> list[Block]:
-    """One block of rows for each kind of contact."""
-    return [
-        _block(scene, _slots(contact, b.slots), b.kind) for b in contact.blocks if b.stop > b.start
-    ]
+    """One block of rows for each kind of contact, in the order of the slots."""
+    ranges = [r for r in contact.ranges if r.stop > r.start]
+    return [_block(scene, _slots(contact, r.slots), r.kind) for r in ranges]
 
 
-def contact_forces(contact: Contact, forces: list[Array]) -> Float[Array, "nc 6"]:
+def contact_forces(
+    contact: Contact, blocks: list[Block], forces: tuple[Array, ...]
+) -> Float[Array, "nc 6"]:
     """(force, torque) of each contact in its frame, on geom2 from geom1: `mj_contactForce`.
 
     Args:
       contact: the contacts.
-      forces: row forces of the contact blocks, in the order of `contact_blocks`.
+      blocks: all constraint rows.
+      forces: force of each row, block by block.
     """
-    parts = [jnp.zeros((0, 6), contact.dist.dtype)]
-    blocks = [b for b in contact.blocks if b.stop > b.start]
-    for b, rows in zip(blocks, forces, strict=True):
-        parts.append(jnp.pad(rows, ((0, 0), (0, 6 - b.condim))))
-    return jnp.concatenate(parts)
+    pairs = zip(blocks, forces, strict=True)
+    rows = [force for block, force in pairs if block.type is RowType.CONTACT]
+    if not rows:
+        return jnp.zeros((contact.dist.shape[0], 6), contact.dist.dtype)
+    return jnp.concatenate([jnp.pad(f, ((0, 0), (0, 6 - f.shape[1]))) for f in rows])
 
 
-def _slots(contact: Contact, slots: slice):
-    """The contacts of one block; ids may be numpy arrays, which `jax.tree.map` would trace."""
+def _slots(contact: Contact, slots: slice) -> Contact:
+    """The contacts of one range; ids may be numpy arrays, which `jax.tree.map` would trace."""
     fields = (
         "dist pos frame includemargin friction solref solreffriction solimp geom1 geom2".split()
     )
@@ -51,81 +45,39 @@ def _slots(contact: Contact, slots: slice):
 
 
 def _block(scene: Scene, contact: Contact, kind: ContactKind) -> Block:
-    model, condim = scene.model, kind.condim
-    bodies = [_lookup(model.geom_bodyid, g) for g in (contact.geom1, contact.geom2)]
+    model = scene.model
+    bodies = [_lookup(model.geom_bodyid, geom) for geom in (contact.geom1, contact.geom2)]
+    jacobian = _jacobian(scene, contact, kind, bodies)
+    first, second = (gather(model.body_invweight0, body) for body in bodies)
+    state = ContactState(
+        dist=contact.dist,
+        includemargin=contact.includemargin,
+        velocity=scene.velocity(jacobian),
+        inverse_weight=(first + second)[:, 0],
+        friction=contact.friction,
+        solref=contact.solref,
+        solreffriction=contact.solreffriction,
+        solimp=contact.solimp,
+    )
+    law = LAWS[model.contact]
+    return Block(jax.vmap(lambda c: law(model.opt, c))(state), jacobian, RowType.CONTACT)
+
+
+def _jacobian(scene: Scene, contact: Contact, kind: ContactKind, bodies) -> ContactRows:
     links = [
-        _lookup(model.body_link, body) if movable else np.full(len(contact.dist), -1)
+        _lookup(scene.model.body_link, body) if movable else np.full(len(contact.dist), -1)
         for body, movable in zip(bodies, kind.movable, strict=True)
     ]
-    first, second = (_values(model.body_invweight0, b) for b in bodies)
-    weight = first + second
-    violation = contact.dist - contact.includemargin
     arms = [_arms(scene, contact.pos, link) for link in links]
-    jacobian = contact_rows(contact.frame, condim, arms, links)
-    velocity = scene.velocity(jacobian)
-    pyramidal = condim > 1 and model.opt.cone != ELLIPTIC
-    cone = _pyramidal_cone if pyramidal else _elliptic_cone
-    make = jax.vmap(lambda *a: cone(model.opt, condim, *a))
-    rows = make(
-        violation,
-        velocity,
-        weight[:, 0],
-        contact.friction,
-        contact.solref,
-        contact.solreffriction,
-        contact.solimp,
-    )
-    if condim == 1:
-        rows = Unilateral(aref=rows.aref, D=rows.D)
-    return Block(rows, jacobian, violation, velocity, f"contact{condim}")
+    return contact_rows(contact.frame, kind.condim, arms, links)
 
 
-def _lookup(table: np.ndarray, index):
+def _lookup(table: np.ndarray, index: Index) -> Index:
     """Static where the index is."""
     return np.asarray(table)[index] if isinstance(index, np.ndarray) else jnp.asarray(table)[index]
 
 
-def _values(values: Array, index) -> Array:
-    return take(values, index) if isinstance(index, np.ndarray) else values[index]
-
-
-def _arms(scene: Scene, pos: Float[Array, "n 3"], link) -> Float[Array, "n 3"]:
+def _arms(scene: Scene, pos: Float[Array, "n 3"], link: Index) -> Float[Array, "n 3"]:
     """Points from the reference points of links; anything where the link is -1."""
     origins = scene.link_origins()
-    return pos - _values(origins, link % max(len(origins), 1))
-
-
-def _pyramidal_cone(
-    opt, condim, violation, velocity, weight, friction, solref, _, solimp
-) -> PyramidalCone:
-    """All edges share one regularisation, that of the elliptic cone's friction."""
-    r = response(opt, solref, solimp, violation)
-    active = violation < 0
-    mu = friction[0] / jnp.sqrt(jnp.maximum(opt.impratio, MIN_VALUE))
-    R = 2 * mu * mu * r.regularisation(weight * (1 + friction[0] * friction[0]))
-    aref = jnp.concatenate([r.reference(velocity[:1], violation), r.reference(velocity[1:], 0.0)])
-    aref = jnp.where(active, aref, 0.0)
-    return PyramidalCone(aref=aref, D=inverse_where(active, R), mu=friction[: condim - 1])
-
-
-def _elliptic_cone(
-    opt, condim, violation, velocity, weight, friction, solref, solreffriction, solimp
-) -> EllipticCone:
-    """Normal and friction rows; friction only damps, with its own reference if it has one."""
-    normal = response(opt, solref, solimp, violation)
-    own = (solreffriction != 0).any() & ((solreffriction[0] > 0) == (solreffriction[1] > 0))
-    tangent = response(opt, jnp.where(own, solreffriction, solref), solimp, violation)
-    active = violation < 0
-    aref = jnp.concatenate(
-        [normal.reference(velocity[:1], violation), tangent.reference(velocity[1:], 0.0)]
-    )
-    friction = friction[: condim - 1]
-    R0 = normal.regularisation(weight)
-    R1 = R0 / jnp.maximum(opt.impratio, MIN_VALUE)
-    # friction[j]^2 R[j] is the same in all directions.
-    tangents = R1 * (friction[:1] / friction) ** 2
-    R = jnp.concatenate([R0[None], tangents])
-    mu = friction[0] * jnp.sqrt(R1 / R0) if condim > 1 else jnp.zeros_like(R0)
-    return EllipticCone(
-        aref=jnp.where(active, aref, 0.0), D=inverse_where(active, R), mu=mu, friction=friction
-    )
+    return pos - gather(origins, link % max(len(origins), 1))

@@ -11,7 +11,7 @@ from jax import lax
 from jaxtyping import Array, Float, Int
 
 from jaxsim.constraint.jacobian import LinkRows
-from jaxsim.constraint.links import Links, add_at, gather, items, moves
+from jaxsim.constraint.link_index import LinkIndex, add_at, gather, items, moves
 from jaxsim.dynamics.components import ALL, Components
 from jaxsim.model.compound import Compound
 from jaxsim.model.topology import Forest
@@ -28,7 +28,7 @@ class Side:
     """
 
     arm: Float[Array, "n 3"]
-    link: Links
+    link: LinkIndex
     sign: float = struct.field(pytree_node=False)
 
 
@@ -150,7 +150,7 @@ def contact_rows(frame, condim: int, arms, links) -> ContactRows:
       links: first and second links in tree order, -1 for what does not move; numpy if static.
     """
     sides = [
-        Side(arm, Links.of(link), sign)
+        Side(arm, LinkIndex.of(link), sign)
         for arm, link, sign in zip(arms, links, (-1.0, 1.0), strict=True)
     ]
     moving = [side for side in sides if side.link.may_move]

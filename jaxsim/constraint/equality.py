@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from jaxsim.arrays.indexing import take
-from jaxsim.constraint.block import Block
+from jaxsim.constraint.block import Block, RowType
 from jaxsim.constraint.impedance import response
 from jaxsim.constraint.jacobian import DenseRows, link_rows
 from jaxsim.constraint.points import Ends, bias_acceleration, ends, twist_rows
@@ -46,7 +46,9 @@ def _connect(scene: Scene, ids: np.ndarray) -> Block:
     G1, G2 = (twist_rows(scene, e, side, rotation=False) for side in (0, 1))
     jacobian = link_rows(e.link[1], G2, e.link[0], G1)
     bias = bias_acceleration(scene, e)[:, :3]
-    return _block(scene, ids, jacobian, e.pos[0] - e.pos[1], bias, _weights(scene, e, 1), "connect")
+    return _block(
+        scene, ids, jacobian, e.pos[0] - e.pos[1], bias, _weights(scene, e, 1), RowType.CONNECT
+    )
 
 
 def _weld(scene: Scene, ids: np.ndarray) -> Block:
@@ -72,7 +74,7 @@ def _weld(scene: Scene, ids: np.ndarray) -> Block:
     turn = jax.vmap(_rotation_bias)(first, second, e.omega[0], e.omega[1])
     spin = jax.vmap(jnp.matmul)(mix, bias[:, 3:]) + scale[:, None] * turn
     bias = jnp.concatenate([bias[:, :3], spin], axis=1)
-    return _block(scene, ids, jacobian, violation, bias, _weights(scene, e, 2), "weld")
+    return _block(scene, ids, jacobian, violation, bias, _weights(scene, e, 2), RowType.WELD)
 
 
 def _weld_quaternions(scene: Scene, ids: np.ndarray, relative):
@@ -124,7 +126,7 @@ def _weights(scene: Scene, e: Ends, columns: int):
     return jnp.repeat(weight[:, :columns], 3, axis=1)
 
 
-def _block(scene: Scene, ids, jacobian, violation, bias, weight, name: str) -> Block:
+def _block(scene: Scene, ids, jacobian, violation, bias, weight, type_: RowType) -> Block:
     """Rows that share one impedance, a function of the norm of their violation."""
     model = scene.model
     velocity = scene.velocity(jacobian)
@@ -135,7 +137,7 @@ def _block(scene: Scene, ids, jacobian, violation, bias, weight, name: str) -> B
 
     inputs = take(model.eq_solref, ids), take(model.eq_solimp, ids), violation, velocity, weight
     aref, R = jax.vmap(one)(*inputs)
-    return Block(Quadratic(aref - bias, 1 / R), jacobian, violation, velocity, name, _ids(ids))
+    return Block(Quadratic(aref - bias, 1 / R), jacobian, type_, tuple(ids.tolist()))
 
 
 def _joint(scene: Scene, ids: np.ndarray) -> Block:
@@ -151,7 +153,7 @@ def _joint(scene: Scene, ids: np.ndarray) -> Block:
         displacement,
         [take(unit, d) for d in dofs],
         [take(model.dof_invweight0, d) for d in dofs],
-        "joint",
+        RowType.JOINT,
     )
 
 
@@ -166,11 +168,11 @@ def _tendon(scene: Scene, ids: np.ndarray) -> Block:
         [take(stretch, t) for t in both],
         [take(tendon_jacobian(model), t) for t in both],
         [take(model.tendon_invweight0, t) for t in both],
-        "tendon",
+        RowType.TENDON,
     )
 
 
-def _polynomial(scene: Scene, ids, value, J, weight, name: str) -> Block:
+def _polynomial(scene: Scene, ids, value, J, weight, type_: RowType) -> Block:
     """`value1 = poly(value2)`, the polynomial of degree four without its second object constant."""
     model = scene.model
     paired = jnp.asarray(model.eq_obj2id[ids] >= 0, scene.qvel.dtype)
@@ -194,13 +196,9 @@ def _polynomial(scene: Scene, ids, value, J, weight, name: str) -> Block:
     weights = weight[0] + paired * weight[1]
     inputs = take(model.eq_solref, ids), take(model.eq_solimp, ids), violation, velocity, weights
     aref, R = jax.vmap(row)(*inputs)
-    return Block(Quadratic(aref, 1 / R), jacobian, violation, velocity, name, _ids(ids))
+    return Block(Quadratic(aref, 1 / R), jacobian, type_, tuple(ids.tolist()))
 
 
 def _norm(x):
     square = jnp.sum(x * x)
     return jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
-
-
-def _ids(ids: np.ndarray) -> tuple[int, ...]:
-    return tuple(int(i) for i in ids)

@@ -17,7 +17,7 @@ from jaxtyping import Array, Bool, Int
 from jaxsim.batching.anywhere import in_lanes, place, pushing
 from jaxsim.constraint.contact_rows import ContactRows
 from jaxsim.constraint.jacobian import Jacobian, LinkRows
-from jaxsim.constraint.links import items
+from jaxsim.constraint.link_index import items
 from jaxsim.constraint.operators import TreeOperator
 from jaxsim.solver import Kind, Problem
 

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from jaxsim.arrays.indexing import take
-from jaxsim.constraint.block import Block
+from jaxsim.constraint.block import Block, RowType
 from jaxsim.constraint.impedance import response
 from jaxsim.constraint.jacobian import DenseRows, DofRows
 from jaxsim.constraint.scene import Scene
@@ -32,7 +32,7 @@ def friction_blocks(scene: Scene) -> list[Block]:
             model.dof_invweight0,
             model.dof_frictionloss,
         )
-        blocks.append(_block(scene, rows, dofs, parameters, "friction_dof"))
+        blocks.append(_block(scene, rows, dofs, parameters, RowType.FRICTION_DOF))
     if len(tendons):
         rows = DenseRows(to_tree_order(model, take(tendon_jacobian(model), tendons).T).T)
         parameters = (
@@ -41,11 +41,11 @@ def friction_blocks(scene: Scene) -> list[Block]:
             model.tendon_invweight0,
             model.tendon_frictionloss,
         )
-        blocks.append(_block(scene, rows, tendons, parameters, "friction_tendon"))
+        blocks.append(_block(scene, rows, tendons, parameters, RowType.FRICTION_TENDON))
     return blocks
 
 
-def _block(scene: Scene, jacobian, ids: np.ndarray, parameters, name: str) -> Block:
+def _block(scene: Scene, jacobian, ids: np.ndarray, parameters, type_: RowType) -> Block:
     """Rows whose reference only damps: dry friction has no position to return to."""
     velocity = scene.velocity(jacobian)
 
@@ -56,9 +56,7 @@ def _block(scene: Scene, jacobian, ids: np.ndarray, parameters, name: str) -> Bl
     solref, solimp, weight, floss = (take(p, ids) for p in parameters)
     aref, R = jax.vmap(row)(velocity, solref, solimp, weight)
     kind = Huber(aref=aref, D=1 / R, floss=floss)
-    return Block(
-        kind, jacobian, jnp.zeros_like(velocity), velocity, name, tuple(int(i) for i in ids)
-    )
+    return Block(kind, jacobian, type_, tuple(ids.tolist()))
 
 
 def _tree_dofs(model, dofs: np.ndarray) -> tuple[int, ...]:

@@ -8,7 +8,7 @@ row's inverse inertia (MuJoCo documentation, chapter "Computation", "Constraint 
 import jax.numpy as jnp
 import mujoco
 from flax import struct
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from jaxsim.model import Option
 
@@ -65,6 +65,11 @@ def response(
         damping=jnp.where(standard, 2 / (dmax * safe_time), -ratio / dmax),
         impedance=impedance(solimp, violation),
     )
+
+
+def inverse_where(active: Bool[Array, "*n"], R: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """`1 / R` where active, else zero: the row then contributes nothing."""
+    return jnp.where(active, 1 / jnp.where(active, R, 1.0), 0.0)
 
 
 def impedance(solimp: Float[Array, "5"], violation: Float[Array, ""]) -> Float[Array, ""]:

@@ -20,7 +20,7 @@ from jaxtyping import Array, Float
 
 from jaxsim.arrays.indexing import sum_by, take
 from jaxsim.batching.anywhere import place, pushing
-from jaxsim.constraint.links import Links, add_at, gather, items, moves
+from jaxsim.constraint.link_index import LinkIndex, add_at, gather, items, moves
 from jaxsim.dynamics.components import Components, restrict
 from jaxsim.model.compound import Compound
 from jaxsim.model.topology import Forest
@@ -143,7 +143,7 @@ class LinkRows:
         links that never move are left out.
     """
 
-    sides: tuple[tuple[Float[Array, "n d c"], Links], ...]
+    sides: tuple[tuple[Float[Array, "n d c"], LinkIndex], ...]
 
     @property
     def coupled(self):
@@ -238,6 +238,6 @@ def link_rows(link1: np.ndarray, G1: Array, link2: np.ndarray, G2: Array) -> Lin
       link2: (n,) second links, likewise.
       G2: (n, d, 6).
     """
-    sides = ((-G1, Links.of(link1)), (G2, Links.of(link2)))
+    sides = ((-G1, LinkIndex.of(link1)), (G2, LinkIndex.of(link2)))
     moving = tuple(side for side in sides if side[1].may_move)
     return LinkRows(moving or sides[1:])  # Rows of nothing still need their shape.

@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 
 from jaxsim.arrays.indexing import take
-from jaxsim.constraint.block import Block, inverse_where
-from jaxsim.constraint.impedance import response
+from jaxsim.constraint.block import Block, RowType
+from jaxsim.constraint.impedance import inverse_where, response
 from jaxsim.constraint.jacobian import DenseRows, DofRows
 from jaxsim.constraint.scene import Scene
 from jaxsim.dynamics.tendon import tendon_jacobian, tendon_length
@@ -48,7 +48,7 @@ def _scalar_joints(scene: Scene, ids: np.ndarray) -> Block:
     )
     dofs = model.structure.dof_position[model.jnt_dofadr[ids]]
     rows = DofRows(sign, tuple(int(d) for d in dofs))
-    return _joint_block(scene, ids, rows, violation, "limit_joint")
+    return _joint_block(scene, ids, rows, violation)
 
 
 def _ball_joints(scene: Scene, ids: np.ndarray) -> Block:
@@ -67,7 +67,7 @@ def _ball_joints(scene: Scene, ids: np.ndarray) -> Block:
     J = jnp.zeros((len(ids), model.nv), axis.dtype)
     dofs = model.structure.dof_position[model.jnt_dofadr[ids][:, None] + np.arange(3)]
     J = J.at[np.arange(len(ids))[:, None], dofs].set(axis)
-    return _joint_block(scene, ids, DenseRows(J), violation, "limit_ball")
+    return _joint_block(scene, ids, DenseRows(J), violation)
 
 
 def _tendons(scene: Scene, ids: np.ndarray) -> Block:
@@ -84,7 +84,7 @@ def _tendons(scene: Scene, ids: np.ndarray) -> Block:
         take(model.tendon_invweight0, ids),
     )
     rows = DenseRows(to_tree_order(model, J.T).T)
-    return _block(scene, ids, rows, violation, parameters, "limit_tendon")
+    return _block(scene, ids, rows, violation, parameters, RowType.LIMIT_TENDON)
 
 
 def _nearer_end(value, bounds, margin):
@@ -95,17 +95,17 @@ def _nearer_end(value, bounds, margin):
     return jnp.where(below, lower, upper) - margin, jnp.where(below, one, -one)
 
 
-def _joint_block(scene: Scene, ids: np.ndarray, jacobian, violation, name: str) -> Block:
+def _joint_block(scene: Scene, ids: np.ndarray, jacobian, violation) -> Block:
     model = scene.model
     parameters = (
         take(model.jnt_solref, ids),
         take(model.jnt_solimp, ids),
         take(model.dof_invweight0, model.jnt_dofadr[ids]),
     )
-    return _block(scene, ids, jacobian, violation, parameters, name)
+    return _block(scene, ids, jacobian, violation, parameters, RowType.LIMIT_JOINT)
 
 
-def _block(scene: Scene, ids, jacobian, violation, parameters, name: str) -> Block:
+def _block(scene: Scene, ids, jacobian, violation, parameters, type_: RowType) -> Block:
     """Rows that are active where their violation is negative."""
     velocity = scene.velocity(jacobian)
 
@@ -116,5 +116,4 @@ def _block(scene: Scene, ids, jacobian, violation, parameters, name: str) -> Blo
         return aref, inverse_where(active, r.regularisation(weight))
 
     aref, D = jax.vmap(row)(violation, velocity, *parameters)
-    kind = Unilateral(aref=aref, D=D)
-    return Block(kind, jacobian, violation, velocity, name, tuple(int(i) for i in ids))
+    return Block(Unilateral(aref=aref, D=D), jacobian, type_, tuple(ids.tolist()))

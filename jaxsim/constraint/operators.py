@@ -21,7 +21,7 @@ from jaxtyping import Array, Float
 
 from jaxsim.arrays.indexing import sum_by, take
 from jaxsim.batching.anywhere import anywhere
-from jaxsim.constraint.block import Block
+from jaxsim.constraint.block import Block, RowType
 from jaxsim.constraint.jacobian import DenseRows, Jacobian, add_products
 from jaxsim.dynamics.aba import articulated_solve
 from jaxsim.dynamics.components import (
@@ -192,8 +192,8 @@ def make_operator(
     inertia = jax.tree.map(lambda x: take(x, compound.link), kin.inertia)
     inertia = jax.vmap(lambda inertia: restrict_inertia(components, inertia))(inertia)
     armature = to_compound_order(model, dof_armature(model))
-    coupled = [block.name for block in blocks if block.jacobian.coupled]
-    occasional = bool(coupled) and all(name.startswith("contact") for name in coupled)
+    coupled = {block.type for block in blocks if block.jacobian.coupled}
+    occasional = coupled == {RowType.CONTACT}
     tree = compound.tree
     return TreeOperator(cdof, inertia, armature, tuple(jacobians), tree, strategy, occasional)
 

@@ -123,15 +123,12 @@ def _outcome(
     """Forces at a lifted acceleration, in MuJoCo's order."""
     model, x = scene.model, operator.vector(y)
     forces = Problem(tuple(block.kind for block in blocks)).forces(operator.rows(y))
-    contacts = [f for f, b in zip(forces, blocks, strict=True) if b.name.startswith("contact")]
     return Constrained(
         qacc=from_compound_order(model, x),
         qfrc_constraint=from_compound_order(model, _pulled(operator, forces, x)),
         blocks=tuple(blocks),
         forces=forces,
-        contact_force=contact_forces(contact, contacts)
-        if contacts
-        else jnp.zeros((contact.dist.shape[0], 6), x.dtype),
+        contact_force=contact_forces(contact, blocks, forces),
         status=status,
     )
 
@@ -145,7 +142,7 @@ def choose_strategy(model: Model, blocks: list[Block]) -> str:
     Raises:
       ModelError: the model asks for the articulated solve, but some rows couple moving links.
     """
-    coupled = [block.name for block in blocks if block.jacobian.coupled]
+    coupled = [block.type.value for block in blocks if block.jacobian.coupled]
     if model.hessian == "articulated" and coupled:
         raise ModelError(
             f"{coupled[0]} rows couple degrees of freedom beyond the tree, which "

@@ -5,7 +5,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsim.collision import Contact
-from jaxsim.constraint import Constrained
+from jaxsim.constraint import Constrained, RowType
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.tendon import tendon_length, tendon_velocity
 from jaxsim.engine.pipeline import Evaluation
@@ -36,8 +36,8 @@ def read_sensors(
         body_wrench=body_wrenches(model, state, s.kin, now.contact, found),
         contact=now.contact,
         contact_force=found.contact_force,
-        joint_limit_force=_by_id(now, ("limit_joint", "limit_ball"), model.njnt),
-        tendon_limit_force=_by_id(now, ("limit_tendon",), model.ntendon),
+        joint_limit_force=_by_id(now, RowType.LIMIT_JOINT, model.njnt),
+        tendon_limit_force=_by_id(now, RowType.LIMIT_TENDON, model.ntendon),
     )
     return sensordata(model, signals)
 
@@ -48,16 +48,16 @@ def body_wrenches(
     """External (torque, force) on each body about its centre of mass, equalities included."""
     eq_force = jnp.zeros((model.neq, 6), state.qpos.dtype)
     for block, force in zip(found.blocks, found.forces, strict=True):
-        if block.name in ("connect", "weld"):
+        if block.type in (RowType.CONNECT, RowType.WELD):
             rows = jnp.pad(force, ((0, 0), (0, 6 - force.shape[1])))
             eq_force = eq_force.at[np.array(block.ids, int)].set(rows)
     return external_wrench(model, kin, state.xfrc_applied, contact, found.contact_force, eq_force)
 
 
-def _by_id(now: Evaluation, names: tuple[str, ...], n: int) -> Float[Array, "n"]:
-    """Row forces of some blocks, placed at the elements to which they belong."""
+def _by_id(now: Evaluation, type_: RowType, n: int) -> Float[Array, "n"]:
+    """Row forces of one type, placed at the elements to which they belong."""
     total = jnp.zeros(n, now.smooth.qfrc_smooth.dtype)
     for block, force in zip(now.constrained.blocks, now.constrained.forces, strict=True):
-        if block.name in names:
+        if block.type is type_:
             total = total.at[np.array(block.ids, int)].add(force)
     return total

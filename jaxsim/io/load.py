@@ -7,6 +7,7 @@ import pathlib
 
 import mujoco
 
+from jaxsim.constraint.laws import LAWS
 from jaxsim.constraint.operators import STRATEGIES
 from jaxsim.io import build
 from jaxsim.io.budget import contact_budget
@@ -20,6 +21,7 @@ def load(
     max_geom_pairs: int | None = None,
     hessian: str = "auto",
     rotations: str = "lie",
+    contact: str = "mujoco",
 ) -> Model:
     """Load a model.
 
@@ -34,6 +36,7 @@ def load(
         couple two moving links), "dense", "iterative", or "auto" for the best of them.
       rotations: what RK4 averages of ball and free joints: "lie", rates of rotation vectors, which
         has fourth order, or "mujoco", angular velocities as MuJoCo does, which has second order.
+      contact: law of contact, a name in `jaxsim.constraint.laws.LAWS`.
 
     Returns:
       The model, its numbers in JAX's default float type.
@@ -49,10 +52,12 @@ def load(
         raise ValueError(f"hessian must be one of auto, {', '.join(STRATEGIES)}, got {hessian!r}")
     if rotations not in ("lie", "mujoco"):
         raise ValueError(f"rotations must be lie or mujoco, got {rotations!r}")
+    if contact not in LAWS:
+        raise ValueError(f"contact must be one of {', '.join(LAWS)}, got {contact!r}")
     mj = compile_mujoco(source)
     model = build(mj)
     budget = contact_budget(mj, model, max_geom_pairs, max_contacts)
-    model = model.replace(hessian=hessian, rotations=rotations)
+    model = model.replace(hessian=hessian, rotations=rotations, contact=contact)
     return model.replace(max_geom_pairs=budget[0], max_contacts=budget[1])
 
 

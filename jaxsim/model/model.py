@@ -69,9 +69,10 @@ class Model:
 
     What the constraint solver works on is fixed when the model is built: which joints and tendons
     have dry friction (`friction_dofs`, `friction_tendons`: those whose loss was positive), how it
-    solves with its Hessian (`hessian`), and how many contacts it keeps (`max_contacts`, for each
-    kind) of how many geom pairs (`max_geom_pairs`, for each pair of shapes). The last three are
-    arguments of `jaxsim.load`, and so is what Runge-Kutta averages of rotations (`rotations`).
+    solves with its Hessian (`hessian`), which law contacts follow (`contact`), and how many it
+    keeps (`max_contacts`, for each kind) of how many geom pairs (`max_geom_pairs`, for each pair of
+    shapes). The last four are arguments of `jaxsim.load`, and so is what Runge-Kutta averages of
+    rotations (`rotations`).
     """
 
     structure: Structure = struct.field(pytree_node=False)
@@ -166,6 +167,7 @@ class Model:
     key_ctrl: Float[Array, "nkey nu"]
     hessian: str = struct.field(pytree_node=False, default="auto")
     rotations: str = struct.field(pytree_node=False, default="lie")
+    contact: str = struct.field(pytree_node=False, default="mujoco")
     max_contacts: int | tuple[int, ...] | None = struct.field(pytree_node=False, default=None)
     max_geom_pairs: int | None = struct.field(pytree_node=False, default=None)
 

@@ -136,15 +136,15 @@ def test_slots_are_counted_by_kind_and_budget():
       <body><freejoint/><geom size=".1"/></body></worldbody></mujoco>""")
     # plane-capsule 2, plane-sphere 1, sphere-capsule 1, capsule-capsule 2 slots
     every = find_candidates(model)
-    sizes = {tuple(b.kind): b.stop - b.start for b in every.blocks}
+    sizes = {tuple(b.kind): b.stop - b.start for b in every.ranges}
     ground, moving = (False, True), (True, True)
     assert sizes == {(3, ground): 2 + 1, (3, moving): 1, (6, ground): 2, (6, moving): 1 + 2}
     assert (every.ncon, every.dynamic) == (9, False)
     few = find_candidates(model, max_geom_pairs=1, max_contacts=2)
-    assert [(b.start, b.stop) for b in few.blocks] == [(0, 2), (2, 3), (3, 5), (5, 7)]
+    assert [(b.start, b.stop) for b in few.ranges] == [(0, 2), (2, 3), (3, 5), (5, 7)]
     assert few.dynamic
     some = find_candidates(model, max_contacts=(1, 5, 2, 1))
-    assert [(b.start, b.stop) for b in some.blocks] == [(0, 1), (1, 2), (2, 4), (4, 5)]
+    assert [(b.start, b.stop) for b in some.ranges] == [(0, 1), (1, 2), (2, 4), (4, 5)]
     assert not find_candidates(model, max_geom_pairs=2, max_contacts=5).dynamic
 
 

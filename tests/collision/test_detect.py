@@ -156,7 +156,7 @@ def test_deepest_contacts_are_kept_and_the_others_counted(rng):
 
     everything, kept = jax.device_get(jax.jit(jax.vmap(both))(xpos, xmat))
     dropped = 0
-    for block, cut in zip(every.blocks, few.blocks, strict=True):
+    for block, cut in zip(every.ranges, few.ranges, strict=True):
         excess = (everything.dist - everything.includemargin)[:, block.slots]
         ours = (kept.dist - kept.includemargin)[:, cut.slots]
         deepest = np.sort(np.minimum(excess, 0), axis=1)[:, : ours.shape[1]]
@@ -239,7 +239,7 @@ def test_no_candidates_gives_empty_contacts():
     contacts = evaluate(jnp.zeros((1, 3)), jnp.eye(3)[None])
     assert contacts.dist.shape == (0,)
     assert contacts.frame.shape == (0, 3, 3)
-    assert contacts.blocks == ()
+    assert contacts.ranges == ()
     assert contacts.condim.shape == (0,)
 
 

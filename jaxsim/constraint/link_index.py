@@ -1,4 +1,4 @@
-"""The links on which constraint rows act: values for each row, and sums over the rows of a link."""
+"""The links on which constraint rows act: values of each row's link, sums over a link's rows."""
 
 import dataclasses
 from collections.abc import Callable
@@ -18,29 +18,32 @@ _MAX_CHOICES = 512
 
 @jax.tree_util.register_dataclass
 @dataclasses.dataclass(frozen=True)
-class Links:
-    """Links in tree order, -1 for what does not move; either static or decided at run time."""
+class LinkIndex:
+    """The link of each row in tree order, -1 for what does not move; static or traced.
+
+    It is traced where contact slots are assigned at run time.
+    """
 
     static: tuple[int, ...] | None = dataclasses.field(metadata={"static": True})
     traced: Int[Array, "n"] | None
 
     @classmethod
-    def of(cls, index) -> "Links":
+    def of(cls, index) -> "LinkIndex":
         """Static where the index is a numpy array."""
         if isinstance(index, np.ndarray):
             return cls(tuple(int(i) for i in index), None)
         return cls(None, jnp.asarray(index))
 
-    def renumbered(self, node: np.ndarray) -> "Links":
+    def renumbered(self, node: np.ndarray) -> "LinkIndex":
         """The same links where link i has the number `node[i]`; `node[-1]` is -1."""
         if self.traced is not None:
-            return Links(None, jnp.asarray(node)[self.traced])
-        return Links.of(node[np.array(self.static, int)])
+            return LinkIndex(None, jnp.asarray(node)[self.traced])
+        return LinkIndex.of(node[np.array(self.static, int)])
 
-    def items(self, index: Int[Array, "k"]) -> "Links":
+    def items(self, index: Int[Array, "k"]) -> "LinkIndex":
         """Those with an index, which is known at run time."""
         known = jnp.asarray(self.static) if self.traced is None else self.traced
-        return Links(None, items(known, index))
+        return LinkIndex(None, items(known, index))
 
     @property
     def may_move(self) -> bool:
@@ -53,7 +56,7 @@ def items(x: Shaped[Array, "n ..."], index: Int[Array, "k"]) -> Shaped[Array, "k
     return jnp.take(x, index, axis=0, mode="clip")
 
 
-def gather(x: Float[Array, "njnt ..."], links: Links) -> Float[Array, "n ..."]:
+def gather(x: Float[Array, "njnt ..."], links: LinkIndex) -> Float[Array, "n ..."]:
     """The value of each row's link, zero for what does not move."""
     if links.traced is not None:
         return _padded(x)[links.traced]  # -1 is the row of zeros
@@ -63,7 +66,7 @@ def gather(x: Float[Array, "njnt ..."], links: Links) -> Float[Array, "n ..."]:
     return take(_padded(x), np.where(index < 0, len(x), index))
 
 
-def add_at(total: Float[Array, "njnt ..."], links: Links, x, form: Callable = lambda x: x):
+def add_at(total: Float[Array, "njnt ..."], links: LinkIndex, x, form: Callable = lambda x: x):
     """`total` plus `form(x)` of each row at its link; what does not move is dropped.
 
     Args:
@@ -91,7 +94,7 @@ def add_at(total: Float[Array, "njnt ..."], links: Links, x, form: Callable = la
     return take(jnp.concatenate([total, changed]), source)
 
 
-def moves(tree: Forest, links: Links, dtype) -> Float[Array, "n nv"]:
+def moves(tree: Forest, links: LinkIndex, dtype) -> Float[Array, "n nv"]:
     """1 where a degree of freedom moves the link, else 0."""
     if links.traced is None:
         return jnp.asarray(tree.moves[np.array(links.static, int)], dtype)

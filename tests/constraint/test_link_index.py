@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsim.constraint.links import Links, add_at
+from jaxsim.constraint.link_index import LinkIndex, add_at
 
 ROUNDING = 1e-5  # of float32, over 40 rows whose sums come to about 10
 
@@ -35,7 +35,7 @@ def test_rows_are_added_at_their_links(links):
         if link >= 0:
             expected[link] += form(row)
     index = np.array(links, int)
-    for kind in (Links.of(index), Links.of(jnp.asarray(index))):
+    for kind in (LinkIndex.of(index), LinkIndex.of(jnp.asarray(index))):
         found, derivative = jax.jvp(lambda x, kind=kind: add_at(total, kind, x, form), (x,), (x,))
         np.testing.assert_allclose(found, expected, atol=ROUNDING)
         np.testing.assert_allclose(derivative, expected - total, atol=ROUNDING)

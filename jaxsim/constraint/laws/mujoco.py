@@ -1,0 +1,75 @@
+"""MuJoCo's soft contact: frictionless, with a pyramidal or with an elliptic cone.
+
+Every row is a spring and a damper in the space of accelerations, with a regularisation that says
+how hard it is (MuJoCo documentation, chapter "Computation", sections "Constraint model" and
+"Friction cones"); see `jaxsim.constraint.impedance`.
+"""
+
+import jax.numpy as jnp
+import mujoco
+
+from jaxsim.constraint.impedance import MIN_VALUE, inverse_where, response
+from jaxsim.constraint.laws.law import ContactState
+from jaxsim.model import Option
+from jaxsim.solver import EllipticCone, PyramidalCone, Unilateral
+
+ELLIPTIC = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
+
+
+def contact_cost(opt: Option, contact: ContactState) -> EllipticCone | PyramidalCone | Unilateral:
+    """The cost of one contact, active where it is closer than its margin."""
+    if contact.condim == 1:
+        return _frictionless(opt, contact)
+    return _elliptic(opt, contact) if opt.cone == ELLIPTIC else _pyramidal(opt, contact)
+
+
+def _frictionless(opt: Option, contact: ContactState) -> Unilateral:
+    """The normal row alone."""
+    violation = contact.dist - contact.includemargin
+    r = response(opt, contact.solref, contact.solimp, violation)
+    active = violation < 0
+    aref = r.reference(contact.velocity, violation)
+    D = inverse_where(active, r.regularisation(contact.inverse_weight))
+    return Unilateral(aref=jnp.where(active, aref, 0.0), D=D[None])
+
+
+def _pyramidal(opt: Option, contact: ContactState) -> PyramidalCone:
+    """All edges share one regularisation, that of the elliptic cone's friction."""
+    violation, velocity, friction = _of(contact)
+    r = response(opt, contact.solref, contact.solimp, violation)
+    active = violation < 0
+    mu = friction[0] / jnp.sqrt(jnp.maximum(opt.impratio, MIN_VALUE))
+    weight = contact.inverse_weight * (1 + friction[0] * friction[0])
+    R = 2 * mu * mu * r.regularisation(weight)
+    aref = jnp.concatenate([r.reference(velocity[:1], violation), r.reference(velocity[1:], 0.0)])
+    aref = jnp.where(active, aref, 0.0)
+    return PyramidalCone(aref=aref, D=inverse_where(active, R), mu=friction)
+
+
+def _elliptic(opt: Option, contact: ContactState) -> EllipticCone:
+    """Normal and friction rows; friction only damps, with its own reference if it has one."""
+    violation, velocity, friction = _of(contact)
+    normal = response(opt, contact.solref, contact.solimp, violation)
+    own = contact.solreffriction
+    has_own = (own != 0).any() & ((own[0] > 0) == (own[1] > 0))
+    tangent = response(opt, jnp.where(has_own, own, contact.solref), contact.solimp, violation)
+    active = violation < 0
+    aref = jnp.concatenate(
+        [normal.reference(velocity[:1], violation), tangent.reference(velocity[1:], 0.0)]
+    )
+    R0 = normal.regularisation(contact.inverse_weight)
+    R1 = R0 / jnp.maximum(opt.impratio, MIN_VALUE)
+    # friction[j]^2 R[j] is the same in all directions.
+    R = jnp.concatenate([R0[None], R1 * (friction[:1] / friction) ** 2])
+    return EllipticCone(
+        aref=jnp.where(active, aref, 0.0),
+        D=inverse_where(active, R),
+        mu=friction[0] * jnp.sqrt(R1 / R0),
+        friction=friction,
+    )
+
+
+def _of(contact: ContactState):
+    """Violation of the normal row, velocities of all rows, coefficients of the friction rows."""
+    violation = contact.dist - contact.includemargin
+    return violation, contact.velocity, contact.friction[: contact.condim - 1]
