@@ -16,8 +16,10 @@ from jaxsim.dynamics.aba import forward_dynamics
 from jaxsim.dynamics.crba import mass_matrix
 from jaxsim.dynamics.rnea import inverse_dynamics
 from jaxsim.engine import (
+    ContactReport,
     Forward,
     SimulationError,
+    Status,
     check,
     forward,
     inverse,
@@ -25,7 +27,7 @@ from jaxsim.engine import (
     step,
 )
 from jaxsim.io import load, set_const, to_mujoco
-from jaxsim.model import Model, ModelError, State, make_state
+from jaxsim.model import JaxsimError, Model, ModelError, Option, State, make_state
 from jaxsim.parallel import batch_rollout, configure_cpu
 
 __version__ = "0.1.0"
@@ -40,11 +42,15 @@ def __getattr__(name: str):
 
 
 __all__ = [
+    "ContactReport",
     "Forward",
+    "JaxsimError",
     "Model",
     "ModelError",
+    "Option",
     "SimulationError",
     "State",
+    "Status",
     "batch_rollout",
     "check",
     "checkpoint",

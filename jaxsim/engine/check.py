@@ -4,10 +4,10 @@ import jax
 import numpy as np
 
 from jaxsim.engine.step import Forward, Status
-from jaxsim.model import State
+from jaxsim.model import JaxsimError, State
 
 
-class SimulationError(RuntimeError):
+class SimulationError(JaxsimError, RuntimeError):
     """A simulation went wrong; the message says how and what to do."""
 
 

@@ -8,11 +8,11 @@ Example:
   >>> states = jax.jit(jaxsim.vmap(env.step))(states, jax.numpy.zeros((8, env.action_size)))
 """
 
+from jaxsim.envs import bridges, registry
 from jaxsim.envs.base import Env, EnvState, Task, static
-from jaxsim.envs.bridges import register_gymnasium
 from jaxsim.envs.moment import Moment
 from jaxsim.envs.randomization import randomize
-from jaxsim.envs.registry import Spec, make, names, on_register, register, spec
+from jaxsim.envs.registry import Spec, make, names, register, spec
 from jaxsim.envs.start import load_asset, start_from, uniform, uniform_start
 from jaxsim.envs.wrappers import AutoReset, TimeLimit, Wrapper, extended
 
@@ -38,4 +38,4 @@ __all__ = [
     "uniform_start",
 ]
 
-on_register(register_gymnasium)
+registry.on_register(bridges.register_gymnasium)

@@ -18,7 +18,7 @@ from jaxsim.model.structure import ARRAYS, SIZES, Structure
 from jaxsim.model.validate import check_physics, check_supported
 
 _STATIC_OPTIONS = (
-    "integrator cone solver iterations ls_iterations disableflags enableflags disableactuator"
+    "integrator cone iterations ls_iterations disableflags enableflags disableactuator"
 ).split()
 
 _STATIC = {f.name for f in dataclasses.fields(Model) if not f.metadata.get("pytree_node", True)}
@@ -49,9 +49,7 @@ def build(mj: mujoco.MjModel) -> Model:
     model = Model(
         structure=structure,
         opt=_option(mj.opt),
-        stat=Statistic(
-            **{n: _leaf(getattr(mj.stat, n)) for n in ("meaninertia", "meanmass", "extent")}
-        ),
+        stat=Statistic(**{n: _leaf(getattr(mj.stat, n)) for n in ("meaninertia", "meanmass")}),
         **{name: _leaf(value) for name, value in leaves.items()},
     )
     check_physics(model)

@@ -1,12 +1,13 @@
 """Models and states: what is simulated, and where it is."""
 
-from jaxsim.model.errors import ModelError
+from jaxsim.model.errors import JaxsimError, ModelError
 from jaxsim.model.model import Model, Option
 from jaxsim.model.names import Names
 from jaxsim.model.state import State, make_state
 from jaxsim.model.structure import Structure
 
 __all__ = [
+    "JaxsimError",
     "Model",
     "ModelError",
     "Names",

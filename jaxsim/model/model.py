@@ -33,7 +33,6 @@ class Option:
     o_friction: Float[Array, "5"]
     integrator: int = struct.field(pytree_node=False)
     cone: int = struct.field(pytree_node=False)
-    solver: int = struct.field(pytree_node=False)
     iterations: int = struct.field(pytree_node=False)
     ls_iterations: int = struct.field(pytree_node=False)
     disableflags: int = struct.field(pytree_node=False)
@@ -55,7 +54,6 @@ class Statistic:
 
     meaninertia: Float[Array, ""]
     meanmass: Float[Array, ""]
-    extent: Float[Array, ""]
 
 
 @struct.dataclass

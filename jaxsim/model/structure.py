@@ -17,24 +17,22 @@ from jaxsim.model.topology import Forest
 
 SIZES = (
     "nq nv nu na nbody njnt ngeom nsite neq ntendon nwrap nsensor nsensordata nmocap nkey npair "
-    "nexclude ntree nactuator nout"
+    "nexclude nactuator"
 ).split()
 
 ARRAYS = (
     "body_parentid body_rootid body_weldid body_mocapid body_jntnum body_jntadr body_dofnum "
-    "body_dofadr body_treeid body_geomnum body_geomadr body_contype body_conaffinity "
+    "body_dofadr dof_jntid "
     "jnt_type jnt_qposadr jnt_dofadr jnt_bodyid jnt_limited jnt_actfrclimited jnt_actgravcomp "
-    "jnt_actuatorid dof_bodyid dof_jntid dof_parentid dof_treeid "
-    "geom_type geom_contype geom_conaffinity geom_condim geom_bodyid geom_priority geom_dataid "
+    "geom_type geom_contype geom_conaffinity geom_condim geom_bodyid geom_priority "
     "site_type site_bodyid pair_dim pair_geom1 pair_geom2 exclude_signature "
     "eq_type eq_obj1id eq_obj2id eq_objtype eq_active0 "
-    "tendon_adr tendon_num tendon_limited tendon_actfrclimited tendon_actuatorid "
-    "wrap_type wrap_objid "
+    "tendon_adr tendon_num tendon_limited tendon_actfrclimited wrap_type wrap_objid "
     "actuator_trntype actuator_dyntype actuator_gaintype actuator_biastype actuator_trnid "
-    "actuator_actadr actuator_actnum actuator_actlimited actuator_actearly actuator_ctrllimited "
+    "actuator_actadr actuator_actlimited actuator_actearly actuator_ctrllimited "
     "actuator_forcelimited actuator_group "
-    "sensor_type sensor_datatype sensor_needstage sensor_objtype sensor_objid sensor_reftype "
-    "sensor_refid sensor_dim sensor_adr sensor_intprm"
+    "sensor_type sensor_datatype sensor_objtype sensor_objid sensor_reftype "
+    "sensor_refid sensor_dim sensor_adr"
 ).split()
 
 JOINT_NDOF = {
