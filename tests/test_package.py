@@ -89,7 +89,7 @@ def test_errors_have_one_base_and_are_public(index):
         if inspect.isclass(getattr(package, name))
     }
     names = [m.name for m in pkgutil.walk_packages(jaxsim.__path__, "jaxsim.")]
-    private = ("jaxsim.__main__", "jaxsim.cli", "jaxsim.rl")
+    private = ("jaxsim.__main__", "jaxsim.cli")
     for module in (importlib.import_module(n) for n in names if not n.startswith(private)):
         for _, error in inspect.getmembers(module, inspect.isclass):
             if issubclass(error, Exception) and error.__module__ == module.__name__:

@@ -11,9 +11,9 @@ from jaxsim.cli.episode import save_video
 from jaxsim.cli.report import note, report
 from jaxsim.cli.simulate import prepare_cpu
 from jaxsim.rl import distributed
-from jaxsim.rl.checkpoint import CheckpointError
 from jaxsim.rl.directory import read_run
 from jaxsim.rl.driver import Result, run_env
+from jaxsim.rl.errors import CheckpointError
 from jaxsim.rl.metrics import read
 from jaxsim.rl.stored import stored_settings
 from jaxsim.viz.curves import plot_learning

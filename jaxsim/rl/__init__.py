@@ -8,14 +8,15 @@ Example:
 """
 
 from jaxsim.rl.algorithm import Algorithm
-from jaxsim.rl.config import ConfigError
 from jaxsim.rl.driver import ALGORITHMS, Result, load_policy, resolve, train
+from jaxsim.rl.errors import CheckpointError, ConfigError
 from jaxsim.rl.evaluate import Evaluation, evaluate
 from jaxsim.rl.networks import Policy
 
 __all__ = [
     "ALGORITHMS",
     "Algorithm",
+    "CheckpointError",
     "ConfigError",
     "Evaluation",
     "Policy",

@@ -31,9 +31,10 @@ from jaxsim.rl.differentiable import (
     discounts,
     spread_episodes,
 )
+from jaxsim.rl.errors import ConfigError
 from jaxsim.rl.networks import Policy, TanhGaussianPolicy
 from jaxsim.rl.normalize import RunningStatistics
-from jaxsim.rl.values import Average, ConfigError, Count, Fraction, NotNegative, Positive
+from jaxsim.rl.values import Average, Count, Fraction, NotNegative, Positive
 
 NETWORK = NetworkConfig(activation="elu")
 

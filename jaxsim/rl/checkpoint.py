@@ -9,13 +9,10 @@ import jax.numpy as jnp
 import orbax.checkpoint as ocp
 
 from jaxsim.rl import manifest
+from jaxsim.rl.errors import CheckpointError
 
 FOLDER = "checkpoints"
 KEPT = 2  # the newest ones
-
-
-class CheckpointError(ValueError):
-    """The directory of a run that cannot be written to, or lacks what is to be read from it."""
 
 
 class Checkpoints:

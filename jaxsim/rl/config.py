@@ -8,15 +8,18 @@ once, and nothing is ignored in silence.
 import dataclasses
 import difflib
 import functools
+import importlib.resources
 import pathlib
 import re
 import typing
 from collections.abc import Iterable, Mapping
+from importlib.resources.abc import Traversable
 from typing import Any, TypeVar
 
 import yaml
 
-from jaxsim.rl.values import Activation, ConfigError, Count, Steps, fit
+from jaxsim.rl.errors import ConfigError
+from jaxsim.rl.values import Activation, Count, Steps, fit
 
 T = TypeVar("T")
 
@@ -144,7 +147,7 @@ def _assign(tree: dict[str, Any], path: list[str], value: Any) -> None:
     tree[last] = value
 
 
-def read(path: pathlib.Path) -> dict[str, Any]:
+def read(path: pathlib.Path | Traversable) -> dict[str, Any]:
     """The mapping in a YAML file.
 
     Raises:
@@ -161,18 +164,19 @@ def read(path: pathlib.Path) -> dict[str, Any]:
     return values
 
 
-def find(algorithm: str, env: str) -> pathlib.Path | None:
+def find(algorithm: str, env: str) -> Traversable | None:
     """The tuned settings that come with jaxsim, if there are any.
 
-    They are `configs/<algorithm>/<env>.yaml`, beside the package in a clone of the repository and
-    inside it when installed from a wheel.
+    They are `configs/<algorithm>/<env>.yaml`, inside the package when it was installed from a
+    wheel and beside it in a clone of the repository.
     """
-    package = pathlib.Path(__file__).parent.parent
-    for root in (package.parent / "configs", package / "configs"):
-        path = root / algorithm / f"{env}.yaml"
-        if path.is_file():
-            return path
-    return None
+    package = importlib.resources.files("jaxsim")
+    folders = [package / "configs"]
+    # What else lies beside an installed package is not ours.
+    if isinstance(package, pathlib.Path) and (package.parent / "pyproject.toml").is_file():
+        folders.append(package.parent / "configs")
+    files = (folder / algorithm / f"{env}.yaml" for folder in folders)
+    return next((file for file in files if file.is_file()), None)
 
 
 def plain(config: Any) -> Any:

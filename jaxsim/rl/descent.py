@@ -10,7 +10,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Int
 
 from jaxsim.parallel.devices import AXIS
-from jaxsim.rl.values import ConfigError
+from jaxsim.rl.errors import ConfigError
 
 
 class Adam:

@@ -9,9 +9,9 @@ from typing import Any
 import yaml
 
 from jaxsim.rl import config
-from jaxsim.rl.checkpoint import FOLDER, CheckpointError
+from jaxsim.rl.checkpoint import FOLDER
+from jaxsim.rl.errors import CheckpointError, ConfigError
 from jaxsim.rl.metrics import ROWS, replace
-from jaxsim.rl.values import ConfigError
 
 try:
     import fcntl

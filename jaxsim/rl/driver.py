@@ -116,8 +116,8 @@ def resolve(
     """The settings of a training; arguments and errors as for `train`."""
     cls = algorithm_class(algorithm).Config
     if settings is None:
-        settings = config.find(algorithm_name(algorithm), env) if isinstance(env, str) else None
-        settings = {} if settings is None else settings
+        tuned = config.find(algorithm_name(algorithm), env) if isinstance(env, str) else None
+        settings = {} if tuned is None else config.read(tuned)
     if isinstance(settings, str | pathlib.Path):
         settings = config.read(pathlib.Path(settings))
     if isinstance(settings, Mapping):

@@ -6,7 +6,7 @@ from jaxsim import envs
 from jaxsim.envs.named import named
 from jaxsim.rl.algorithm import Algorithm
 from jaxsim.rl.config import TrainConfig, unknown
-from jaxsim.rl.values import ConfigError
+from jaxsim.rl.errors import ConfigError
 
 # Each is a module of this package, imported when it is used, with a class of the same name.
 ALGORITHMS = ("ppo", "sac", "apg", "shac")

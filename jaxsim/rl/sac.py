@@ -24,9 +24,10 @@ from jaxsim.rl.algorithm import Algorithm
 from jaxsim.rl.collect import Actors, Experience, collect
 from jaxsim.rl.config import NetworkConfig, TrainConfig
 from jaxsim.rl.descent import Adam, average, blend, keep_finite
+from jaxsim.rl.errors import ConfigError
 from jaxsim.rl.networks import MLP, Policy, TanhGaussianPolicy
 from jaxsim.rl.normalize import RunningStatistics
-from jaxsim.rl.values import ConfigError, Count, Fraction, Positive, Range
+from jaxsim.rl.values import Count, Fraction, Positive, Range
 
 NETWORK = NetworkConfig((128, 128), "relu")
 

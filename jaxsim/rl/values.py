@@ -10,23 +10,7 @@ import typing
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-
-class ConfigError(ValueError):
-    """Settings that do not exist or make no sense.
-
-    Attributes:
-      problems: one sentence for each of them.
-    """
-
-    def __init__(self, *problems: str):
-        super().__init__(*problems)
-        self.problems = problems
-
-    def __str__(self) -> str:
-        """The problem, or a list of them."""
-        if len(self.problems) == 1:
-            return str(self.problems[0])
-        return "\n- ".join((f"{len(self.problems)} settings are wrong:", *self.problems))
+from jaxsim.rl.errors import ConfigError
 
 
 @dataclasses.dataclass(frozen=True)
