@@ -1,10 +1,12 @@
-"""Cholesky factors and triangular solves of small matrices, lanes last.
+"""Factors and triangular solves of small matrices, lanes last.
 
-Up to 6 rows they are unrolled. Beyond that XLA's fusion recomputes across unrolled columns (a
-27-row factor takes 2.7 to 5 ms for 256 lanes and 10 s to compile), so a CPU loops over columns,
-one fused update of (rows, lanes) at a time: 0.38 ms against LAPACK's 0.52 with the batch in front,
-and 21 us against 232 for a triangular solve with one right-hand side. A GPU would pay a kernel
-launch for each turn of these loops and keeps the library's batched routine.
+Up to 6 rows Cholesky factors and substitutions are unrolled. Beyond that XLA's fusion recomputes
+across unrolled columns (a 27-row factor takes 2.7 to 5 ms for 256 lanes and 10 s to compile), so a
+CPU loops over columns, one fused update of (rows, lanes) at a time: 0.38 ms against LAPACK's 0.52
+with the batch in front, and 21 us against 232 for a triangular solve with one right-hand side. A
+GPU would pay a kernel launch for each turn of these loops and keeps the library's batched routine.
+LU factors, whose rows change places, are loops up to 6 rows: one call for each matrix would take
+twice as long. What is larger is left to `lapack`.
 """
 
 from collections.abc import Callable
@@ -13,6 +15,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from jaxsim.batching import lapack, params
 from jaxsim.batching.custom import with_jvp
 
 UNROLL = 6  # rows
@@ -28,7 +31,7 @@ def cholesky(lanes, eqn, values, flags):
     aval = eqn.invars[0].aval
     rows = aval.shape[-1]
     if rows > MAX_ROWS or rows == 0 or jnp.issubdtype(aval.dtype, jnp.complexfloating):
-        return None
+        return lapack.one_by_one(lanes, eqn, values, flags)
 
     def factor(a):
         a = jnp.moveaxis(a, (-3, -2), (0, 1))
@@ -71,16 +74,58 @@ def factor_loop(a):
     return lax.fori_loop(0, len(a), column, jnp.zeros_like(a))
 
 
+def lu(lanes, eqn, values, flags):
+    """Factors with partial pivoting: L below the diagonal of U, the swaps, and the permutation."""
+    aval = eqn.invars[0].aval
+    rows, columns = aval.shape[-2:]
+    real = not jnp.issubdtype(aval.dtype, jnp.complexfloating)
+    if not (real and 0 < rows == columns <= UNROLL):
+        return lapack.one_by_one(lanes, eqn, values, flags)
+    factor = factor_pivoted
+    for _ in range(aval.ndim - 2):
+        factor = jax.vmap(factor)
+    loop = lambda *xs: lanes.apply(factor, xs, flags)  # noqa: E731
+    return with_jvp(lanes, eqn, flags, _on_cpu(loop, _batch_first(lanes, eqn, flags)))(*values)
+
+
+def factor_pivoted(a):
+    """`lax.linalg.lu` of one matrix (n, n), eliminating one column after the other.
+
+    As in LAPACK, a column whose pivots are all zero is left as it is.
+    """
+    rows = jnp.arange(len(a), dtype=jnp.int32)
+
+    def eliminate(j, state):
+        a, swaps, order = state
+        choice = jnp.argmax(jnp.where(rows >= j, jnp.abs(a[:, j]), -1)).astype(jnp.int32)
+        here, there, below = rows == j, rows == choice, rows > j
+        a, order = _swap(a, j, here, there), _swap(order, j, here, there)
+        pivot = a[j, j]
+        scaled = a[:, j] / jnp.where(pivot == 0, 1, pivot)
+        rest = a - jnp.outer(scaled, jnp.where(below, a[j], 0))
+        rest = jnp.where(here[None], scaled[:, None], rest)
+        return jnp.where(below[:, None], rest, a), jnp.where(here, choice, swaps), order
+
+    return list(lax.fori_loop(0, len(a), eliminate, (a, rows, rows)))
+
+
+def _swap(x, j, here, there):
+    """Exchanges row j, which is here, with another one."""
+    here, there = (mask.reshape(-1, *[1] * (x.ndim - 1)) for mask in (here, there))
+    this = lax.dynamic_index_in_dim(x, j)
+    other = jnp.sum(jnp.where(there, x, 0), 0, keepdims=True, dtype=x.dtype)
+    return jnp.where(here, other, jnp.where(there, this, x))
+
+
 def triangular_solve(lanes, eqn, values, flags):
     """Solves a x = b, or x a = b, brought to the form a x = b with the solved axis in front."""
     a_type, b_type = (v.aval for v in eqn.invars)
     rows = a_type.shape[-1]
     columns = b_type.shape[-1] if eqn.params["left_side"] else b_type.shape[-2]
     small, medium = rows <= UNROLL, rows * columns <= MAX_ENTRIES
-    if 0 in b_type.shape or jnp.issubdtype(a_type.dtype, jnp.complexfloating):
-        return None
-    if not (small or medium):
-        return None
+    real = not jnp.issubdtype(a_type.dtype, jnp.complexfloating)
+    if not (real and (small or medium)) or 0 in b_type.shape:
+        return _solve_large(lanes, eqn, values, flags)
     a = values[0] if flags[0] else values[0][..., None]
     b = lanes.materialise(values[1], flags[1])
     if small:
@@ -123,6 +168,13 @@ def _solve_medium(eqn, lanes, flags, a, b):
     return lax.custom_linear_solve(
         product, b, lambda _, b: run(p, b), lambda _, b: run(transposed, b)
     )
+
+
+def _solve_large(lanes, eqn, values, flags):
+    """One matrix for all lanes is one call, with more columns."""
+    if not flags[0] and eqn.invars[0].aval.ndim == 2:
+        return None
+    return lapack.one_by_one(lanes, eqn, values, flags)
 
 
 def substitute_unrolled(a, lower: bool, b, unit: bool):
@@ -185,7 +237,8 @@ def _batch_first(lanes, eqn, flags, parameters=None) -> Callable:
     """The library's routine for all lanes."""
     axes = [-1 if f else None for f in flags]
     p = eqn.params if parameters is None else parameters
-    return jax.vmap(lambda *xs: [eqn.primitive.bind(*xs, **p)], axes, -1, axis_size=lanes.size)
+    routine = params.rebind(eqn.replace(params=p))
+    return jax.vmap(routine, axes, -1, axis_size=lanes.size)
 
 
 def _on_cpu(loop: Callable, otherwise: Callable) -> Callable:

@@ -16,7 +16,7 @@ import numpy as np
 from jax import lax
 from jax.extend import core as jex
 
-from jaxsim.batching import contract, index, linalg, params, trigonometry
+from jaxsim.batching import contract, index, lapack, linalg, params, trigonometry
 from jaxsim.batching.anywhere import anywhere
 from jaxsim.batching.custom import with_jvp
 from jaxsim.batching.fusion import computed, own_kernel
@@ -296,7 +296,9 @@ RULES: dict[str, Callable] = {
     "transpose": transpose,
     "dot_general": contract.dot_general,
     "lane_contract": contract.nested,
+    **dict.fromkeys(lapack.AXES, lapack.one_by_one),
     "cholesky": linalg.cholesky,
+    "lu": linalg.lu,
     "triangular_solve": linalg.triangular_solve,
     "gather": index.gather,
     "dynamic_slice": index.dynamic_slice,

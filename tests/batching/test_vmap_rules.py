@@ -1,6 +1,7 @@
 """One test for each family of rules, against `jax.vmap`, with batched and shared operands."""
 
 import itertools
+import re
 
 import jax
 import jax.numpy as jnp
@@ -236,15 +237,48 @@ def test_cholesky_of_an_indefinite_matrix(rows):
     assert_same(jnp.linalg.cholesky, a, derivatives=())
 
 
+@pytest.mark.parametrize("rows", [1, 3, 7])
+def test_lu(rows):
+    """By loops and by the library; rows change places, a singular matrix is no error."""
+    a = _normal(BATCH, rows, rows).at[-1, :, : rows // 2].set(0.0)
+    assert_same(lax.linalg.lu, a, derivatives=(), tolerance=1e-12)
+
+
 def test_other_linear_algebra():
-    """Through the fallback."""
+    """Left to the library, a batch of matrices inside, too."""
 
     def f(a):
-        spd = a @ a.T + 3 * jnp.eye(3)
+        spd = a @ a.T + 3 * jnp.eye(len(a))
         return [jnp.linalg.inv(spd), jnp.linalg.eigh(spd)[0], jnp.linalg.qr(spd)[1],
                 jax.scipy.linalg.cho_solve((jnp.linalg.cholesky(spd), True), a)]  # fmt: skip
 
     assert_same(f, _normal(BATCH, 3, 3), tolerance=1e-7)
+    assert_same(jax.vmap(f), _normal(BATCH, 2, 7, 7), derivatives=(), tolerance=1e-7)
+
+
+ROUTINES = {
+    "cholesky": lambda a: jnp.linalg.cholesky(a @ a.T + jnp.eye(40)),
+    "lu": lambda a: jnp.linalg.solve(a, a[0]),
+    "determinant": jnp.linalg.det,
+    "triangular": lambda a: lax.linalg.triangular_solve(a, a),
+    "qr": jnp.linalg.qr,
+    "least squares": lambda a: jnp.linalg.lstsq(a[:, :9], a[0])[0],
+    "symmetric eigenvalues": lambda a: jnp.linalg.eigh(a + a.T),
+    "eigenvalues": jnp.linalg.eigvals,
+    "singular values": jnp.linalg.svd,
+    "schur": jax.scipy.linalg.schur,
+    "tridiagonal": lambda a: lax.linalg.tridiagonal_solve(a[0], a[1], a[2], a),
+}
+
+
+@pytest.mark.skipif(jax.default_backend() != "cpu", reason="LAPACK is the library of a CPU")
+@pytest.mark.parametrize("name", ROUTINES)
+def test_the_library_gets_one_matrix_a_call(name):
+    """It would wait, for ever if several devices do, for threads among which to divide a batch."""
+    program = jax.jit(vmap(ROUTINES[name])).lower(_normal(BATCH, 40, 40)).as_text()
+    calls = re.findall(r"@lapack_.*-> *(.*)", program)
+    assert calls
+    assert not [call for call in calls if re.search(r"tensor<\d+x\d+x\d+x", call)]
 
 
 def test_indexing():
