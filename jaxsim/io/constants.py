@@ -20,7 +20,9 @@ from jaxsim.model import Model
 from jaxsim.spatial import Pose
 
 _CONNECT = int(mujoco.mjtEq.mjEQ_CONNECT)
+_WELD = int(mujoco.mjtEq.mjEQ_WELD)
 _BODY = int(mujoco.mjtObj.mjOBJ_BODY)
+_SLIDES_ONLY = 2  # of `body_simple`: slides along the body's axes, and no off-diagonal inertia
 
 
 @full_precision
@@ -28,9 +30,9 @@ def set_const(model: Model) -> Model:
     """Recompute the derived constants after masses, sizes or poses have changed.
 
     These are `body_subtreemass`, `body_invweight0`, `dof_invweight0`, `dof_M0`,
-    `tendon_length0`, `tendon_invweight0`, `actuator_length0`, `actuator_acc0`, the second anchor
-    of `connect` constraints, and the statistics `meaninertia` and `meanmass`: MuJoCo's
-    `mj_setConst`. Differentiable, and under `vmap` one model at a time.
+    `tendon_length0`, `tendon_invweight0`, `actuator_length0`, `actuator_acc0`, what `connect` and
+    `weld` constraints keep of the reference configuration: MuJoCo's `mj_setConst`. Differentiable,
+    and under `vmap` one model at a time.
 
     Args:
       model: a model whose leaves may have been changed.
@@ -49,8 +51,7 @@ def set_const(model: Model) -> Model:
             model, jnp.diagonal(inverse(jnp.eye(model.nv, dtype=mass.dtype)))
         ),
         dof_M0=jnp.diagonal(mass),
-        eq_data=_connect_anchors(model, kin),
-        stat=_statistics(model, mass),
+        eq_data=_equality_poses(model, kin),
     )
     return _path_constants(model, kin, inverse)
 
@@ -62,10 +63,17 @@ def _subtree_masses(model: Model) -> Float[Array, "nbody"]:
 
 
 def _body_weights(model: Model, kin: Kinematics, inverse) -> Float[Array, "nbody 2"]:
-    """Mean translational and rotational inverse inertia at the centre of mass."""
+    """Mean translational and rotational inverse inertia at the centre of mass.
+
+    MuJoCo takes the inverse mass for bodies that slide along their own axes only, whatever the
+    number of these axes.
+    """
     J = body_jacobians(model, kin, kin.xipos)
     weights = jax.vmap(lambda rows: jnp.sum(rows * inverse(rows), axis=1))(J)
-    return jnp.stack([weights[:, 3:].mean(1), weights[:, :3].mean(1)], axis=1)
+    mean = jnp.stack([weights[:, 3:].mean(1), weights[:, :3].mean(1)], axis=1)
+    (sliding,) = np.nonzero(model.body_simple == _SLIDES_ONLY)
+    inverse_mass = 1 / model.body_mass[sliding,]
+    return mean.at[sliding,].set(jnp.stack([inverse_mass, 0 * inverse_mass], axis=1))
 
 
 def _dof_weights(model: Model, diagonal: Float[Array, "nv"]) -> Float[Array, "nv"]:
@@ -81,24 +89,27 @@ def _dof_weights(model: Model, diagonal: Float[Array, "nv"]) -> Float[Array, "nv
     return jnp.asarray(average, diagonal.dtype) @ diagonal
 
 
-def _connect_anchors(model: Model, kin: Kinematics) -> Float[Array, "neq 12"]:
-    """The anchor of a connect constraint in its second body, where the first body's anchor is."""
+def _equality_poses(model: Model, kin: Kinematics) -> Float[Array, "neq 12"]:
+    """What connects and welds keep as it is in the reference configuration.
+
+    A connect has the anchor of its first body, and gets that of the second. A weld has the anchor
+    of its second body; where the file gives no relative pose, it gets that of the first and the
+    relative orientation.
+    """
     data = model.eq_data
-    for i in np.nonzero((model.eq_type == _CONNECT) & (model.eq_objtype == _BODY))[0]:
+    for i in np.nonzero(model.eq_objtype == _BODY)[0]:
         first, second = (
             Pose(kin.xquat[b], kin.xpos[b]) for b in (model.eq_obj1id[i], model.eq_obj2id[i])
         )
-        anchor = second.inverse().apply(first.apply(data[i, :3]))
-        data = data.at[i, 3:6].set(anchor)
+        if model.eq_type[i] == _CONNECT:
+            anchor = second.inverse().apply(first.apply(data[i, :3]))
+            data = data.at[i, 3:6].set(anchor)
+        elif model.eq_type[i] == _WELD:
+            relative = first.inverse() @ second
+            found = jnp.concatenate([relative.apply(data[i, :3]), relative.quat])
+            # MuJoCo's compiler leaves a one in the last place where it computed the pose.
+            data = data.at[i, 3:10].set(jnp.where(data[i, 11] == 1, found, data[i, 3:10]))
     return data
-
-
-def _statistics(model: Model, mass: Float[Array, "nv nv"]):
-    if model.nv == 0:
-        return model.stat
-    return model.stat.replace(
-        meaninertia=jnp.diagonal(mass).mean(), meanmass=model.body_mass[1:].mean()
-    )
 
 
 def _path_constants(model: Model, kin: Kinematics, inverse) -> Model:

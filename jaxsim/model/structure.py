@@ -22,7 +22,7 @@ SIZES = (
 
 ARRAYS = (
     "body_parentid body_rootid body_weldid body_mocapid body_jntnum body_jntadr body_dofnum "
-    "body_dofadr dof_jntid "
+    "body_dofadr body_simple dof_jntid "
     "jnt_type jnt_qposadr jnt_dofadr jnt_bodyid jnt_limited jnt_actfrclimited jnt_actgravcomp "
     "geom_type geom_contype geom_conaffinity geom_condim geom_bodyid geom_priority "
     "site_type site_bodyid pair_dim pair_geom1 pair_geom2 exclude_signature "
