@@ -1,6 +1,8 @@
 """One function per kind of element, applied to all elements of a mixed list."""
 
+import dataclasses
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -9,20 +11,58 @@ import numpy as np
 from jaxsim.arrays.indexing import take
 
 
-def apply_by_kind(kind: np.ndarray, functions: Mapping[int, Callable], *arrays: jax.Array):
-    """Results of `functions[kind[i]](arrays[0][i], arrays[1][i], ...)`, stacked over i.
+@dataclasses.dataclass(frozen=True)
+class Rows:
+    """The rows of an array that belong to each of n elements, where they have several or none.
+
+    Attributes:
+      x: the array.
+      start: (n,) first row of each element, static.
+      size: (n,) number of consecutive rows, equal for elements of one kind, static.
+    """
+
+    x: jax.Array
+    start: np.ndarray
+    size: np.ndarray
+
+    def blocks(self, ids: np.ndarray | slice = slice(None)) -> jax.Array:
+        """(m, size, ...) the rows of these m > 0 elements, which are of one kind."""
+        index = self.start[ids][:, None] + np.arange(int(self.size[ids][0]))
+        return take(self.x, index.ravel()).reshape(*index.shape, *self.x.shape[1:])
+
+
+def apply_by_kind(
+    kind: np.ndarray,
+    functions: Mapping[int, Callable],
+    *inputs: jax.Array | Rows,
+    empty: Any,
+    start: np.ndarray | None = None,
+) -> Any:
+    """Results of `functions[kind[i]](inputs[0][i], inputs[1][i], ...)` for all i, kind by kind.
 
     Args:
       kind: (n,) static integers.
       functions: for each kind that occurs, the function of one element.
-      arrays: arrays with a leading axis of length n.
+      inputs: arrays with a leading axis of length n, and `Rows`.
+      empty: the result for n = 0.
+      start: (n,) first row of each element's result, if a result is several rows of the whole;
+        together they fill it.
+
+    Returns:
+      A pytree of arrays: the results stacked over i, or their rows in order.
     """
     kind = np.asarray(kind, int)
-    parts, order = [], []
+    parts, places = [], []
     for k in np.unique(kind):
         (ids,) = np.nonzero(kind == k)
-        parts.append(jax.vmap(functions[int(k)])(*(take(a, ids) for a in arrays)))
-        order.append(ids)
+        each = (x.blocks(ids) if isinstance(x, Rows) else take(x, ids) for x in inputs)
+        part = jax.vmap(functions[int(k)])(*each)
+        if start is not None:
+            ids = (start[ids][:, None] + np.arange(part.shape[1])).ravel()
+            part = part.reshape(-1, *part.shape[2:])
+        parts.append(part)
+        places.append(ids)
     if not parts:
-        return jnp.zeros(0, arrays[0].dtype)
-    return take(jnp.concatenate(parts), np.argsort(np.concatenate(order)))
+        return jax.tree.map(jnp.asarray, empty)
+    order = np.argsort(np.concatenate(places))
+    return jax.tree.map(lambda *a: take(jnp.concatenate(a), order), *parts)

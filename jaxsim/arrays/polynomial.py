@@ -7,6 +7,8 @@ MuJoCo's nonlinear springs and dampers have a coefficient that is a polynomial,
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxsim.arrays.norms import safe_norm
+
 
 def poly_coefficient(
     linear: Float[Array, "..."], poly: Float[Array, "... npoly"], x: Float[Array, "..."]
@@ -16,6 +18,30 @@ def poly_coefficient(
     for k in reversed(range(poly.shape[-1])):
         total = (total + poly[..., k]) * x
     return linear + total
+
+
+def spring_force(
+    stiffness: Float[Array, ""], poly: Float[Array, "npoly"], x: Float[Array, "n"]
+) -> Float[Array, "n"]:
+    """`-k(|x|) x`, where a deflection with one component has a sign: `-k(x) x`.
+
+    At x = 0, where the length of a vector has no derivative, the derivative is `-k(0)`.
+    """
+    length = x[0] if len(x) == 1 else safe_norm(x)
+    return -poly_coefficient(stiffness, poly, length) * x
+
+
+def spring_energy(
+    stiffness: Float[Array, ""], poly: Float[Array, "npoly"], x: Float[Array, "n"]
+) -> Float[Array, ""]:
+    """`k0 x^2/2 + p0 x^3/3 + p1 x^4/4 + ...`, the work against `spring_force`."""
+    square = x @ x
+    length = x[0] if len(x) == 1 else safe_norm(x)
+    energy = 0.5 * stiffness * square
+    for k, coefficient in enumerate(poly, start=3):
+        # Even powers avoid the root, which has no derivative at zero.
+        energy += coefficient / k * square ** (k // 2) * (length if k % 2 else 1)
+    return energy
 
 
 def damping_force(

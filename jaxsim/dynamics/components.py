@@ -17,7 +17,7 @@ from flax import struct
 from jaxtyping import Array, Float
 
 from jaxsim.arrays.indexing import take
-from jaxsim.joints.types import HINGE, SLIDE
+from jaxsim.joints import JOINTS
 from jaxsim.model import Model
 from jaxsim.model.facts import fact
 from jaxsim.model.structure import Structure
@@ -54,17 +54,19 @@ def motion_components(model: Model, axes: np.ndarray, quats: np.ndarray) -> Comp
     All of them if the axes of the joints are not known while tracing.
     """
     structure = model.structure
-    hinge, slide = (structure.jnt_type == kind for kind in (HINGE, SLIDE))
+    joints = [JOINTS[int(t)] for t in structure.jnt_type]
+    turns = np.array([joint.turns_about_axis for joint in joints], bool)
+    slides = np.array([joint.slides_along_axis for joint in joints], bool)
     on_mocap = structure.body_mocapid[structure.body_rootid[structure.jnt_bodyid]] >= 0
-    if structure.njnt == 0 or not (hinge | slide).all() or on_mocap.any():
+    if structure.njnt == 0 or not (turns | slides).all() or on_mocap.any():
         return ALL
     directions = _world_axes(structure, axes, quats)
-    turns, slides = (np.abs(directions[kind]).max(0, initial=0) > 0 for kind in (hinge, slide))
-    if turns.sum() > 1:
+    angular, along = (np.abs(directions[some]).max(0, initial=0) > 0 for some in (turns, slides))
+    if angular.sum() > 1:
         return ALL
     # What turns about an axis carries all other things in the plane across it.
-    linear = slides | ~turns if turns.any() else slides
-    return tuple(np.nonzero(np.concatenate([turns, linear]))[0].tolist())
+    linear = along | ~angular if angular.any() else along
+    return tuple(np.nonzero(np.concatenate([angular, linear]))[0].tolist())
 
 
 def restrict(components: Components, twists: Float[Array, "*n 6"]) -> Float[Array, "*n c"]:

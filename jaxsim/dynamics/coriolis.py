@@ -9,14 +9,13 @@ matrix and Christoffel symbols for rigid-body systems (2021), section 3.
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsim.arrays.indexing import take
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.tree import accumulate_inward
 from jaxsim.dynamics.velocity import Velocities, from_tree_order
-from jaxsim.joints.types import FREE
+from jaxsim.joints.grouping import turning
 from jaxsim.model import Model
 from jaxsim.spatial import Inertia, ad, cross_motion, skew
 
@@ -63,10 +62,7 @@ def _momentum_cross(h) -> Float[Array, "6 6"]:
 
 
 def _axis_rates(model: Model, kin: Kinematics, vel: Velocities) -> Float[Array, "nv 6"]:
-    """Rates of the motion axes: carried by their link, translations of free joints excepted."""
+    """Rates of the motion axes, of those that turn with their links."""
     tree = model.tree
     rate = jax.vmap(cross_motion)(take(vel.cvel, tree.dof_node), kin.cdof)
-    fixed = np.zeros(tree.nv, bool)
-    for start in tree.dof_start[tree.kind == FREE]:
-        fixed[start : start + 3] = True
-    return jnp.where(fixed[:, None], 0, rate)
+    return jnp.where(turning(tree.kind)[:, None], rate, 0)

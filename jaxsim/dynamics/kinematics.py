@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 from jaxsim.arrays.indexing import take
 from jaxsim.dynamics.links import Links, link_parameters
 from jaxsim.dynamics.tree import accumulate_inward, outward
-from jaxsim.joints.types import NQ, joint_pose, motion_subspace
+from jaxsim.joints.grouping import per_joint, position_rows
 from jaxsim.model import Model
 from jaxsim.model.topology import Forest
 from jaxsim.spatial import Inertia, Pose, quat_normalize, quat_to_matrix
@@ -126,37 +126,28 @@ def _link_poses(model: Model, links: Links, qpos, base: Pose) -> Pose:
 
 
 def _joint_poses(model: Model, links: Links, qpos) -> Pose:
-    """Displacements of all joints, computed type by type, in tree order."""
+    """Displacements of all joints, in tree order."""
     tree = model.tree
-    parts, where = [], []
-    for kind in sorted(set(tree.kind.tolist())):
-        (nodes,) = np.nonzero(tree.kind == kind)
-        address = model.jnt_qposadr[tree.order[nodes]][:, None] + np.arange(NQ[kind])
-        q, q0 = (take(x, address.ravel()).reshape(address.shape) for x in (qpos, model.qpos0))
-        one = jax.vmap(lambda *a, kind=kind: joint_pose(kind, *a))
-        parts.append(one(q, q0, take(links.axis, nodes), take(links.anchor, nodes)))
-        where.append(nodes)
-    return _merge(parts, where, links.offset)
+    q, q0 = (position_rows(model, x, tree.order) for x in (qpos, model.qpos0))
+    return per_joint(
+        tree.kind,
+        ("pose",),
+        lambda joint: joint.pose,
+        *(q, q0, links.axis, links.anchor),
+        empty=links.offset,
+    )
 
 
 def _motion_axes(tree: Forest, links: Links, mat, relative) -> Float[Array, "nv 6"]:
-    """Motion axes of all degrees of freedom, computed type by type, in tree order."""
-    parts, where = [], []
-    for kind in sorted(set(tree.kind.tolist())):
-        (nodes,) = np.nonzero(tree.kind == kind)
-        inputs = (take(a, nodes) for a in (mat, relative, links.axis, links.anchor))
-        rows = jax.vmap(lambda *a, kind=kind: motion_subspace(kind, *a))(*inputs)
-        parts.append(rows.reshape(-1, 6))
-        where.append((tree.dof_start[nodes][:, None] + np.arange(rows.shape[1])).ravel())
-    return _merge(parts, where, jnp.zeros((0, 6), mat.dtype))
-
-
-def _merge(parts, where, empty):
-    """Join parts that belong at the given rows."""
-    if not parts:
-        return empty
-    order = np.argsort(np.concatenate(where))
-    return jax.tree.map(lambda *a: take(jnp.concatenate(a), order), *parts)
+    """Motion axes of all degrees of freedom, in tree order."""
+    return per_joint(
+        tree.kind,
+        ("motion_axes",),
+        lambda joint: joint.motion_axes,
+        *(mat, relative, links.axis, links.anchor),
+        empty=np.zeros((0, 6), mat.dtype),
+        start=tree.dof_start,
+    )
 
 
 def _body_poses(model: Model, links: Links, pose: Pose, base: Pose) -> Pose:
@@ -175,7 +166,8 @@ def _body_poses(model: Model, links: Links, pose: Pose, base: Pose) -> Pose:
     )
     (rest,) = np.nonzero(model.structure.body_carrier == bodies)
     fixed = jax.tree.map(lambda a: take(a, rest), carrier)
-    return _merge([moved, fixed], [welded, rest], carrier)
+    order = np.argsort(np.concatenate([welded, rest]))
+    return jax.tree.map(lambda *a: take(jnp.concatenate(a), order), moved, fixed)
 
 
 def _attached(xpos, xmat, bodies, pos, quat):

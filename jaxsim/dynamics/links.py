@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 
 from jaxsim.arrays.indexing import sum_by, take
 from jaxsim.dynamics.tree import outward
-from jaxsim.joints.types import FREE
+from jaxsim.joints import JOINTS
 from jaxsim.model import Model
 from jaxsim.spatial import Inertia, Pose, quat_normalize
 
@@ -74,11 +74,12 @@ def _local_poses(model: Model, bodies: np.ndarray, identity: np.ndarray) -> Pose
 def _offsets(model: Model, body: Pose) -> Pose:
     """Where the first joint of a body sits on the parent's link; identity for further joints.
 
-    A free joint places its body in the world whatever the model says about its parent.
+    A joint that places its body in the world does so whatever the model says about its parent.
     """
     joints = model.tree.order
     bodies = model.jnt_bodyid[joints]
-    identity = ~model.link_first | (model.jnt_type[joints] == FREE)
+    in_world = np.array([JOINTS[int(t)].in_world for t in model.tree.kind], bool)
+    identity = ~model.link_first | in_world
     local = _local_poses(model, bodies, identity)
     parents = model.body_parentid[bodies]
     none = _identities(len(bodies), local.pos.dtype)

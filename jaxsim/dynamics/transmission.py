@@ -1,7 +1,7 @@
 """Transmissions: lengths of actuators, and the joint forces that a force along them makes.
 
-Most actuators drive one hinge or slide. Those keep only their gear; the others have a dense row
-of the moment matrix.
+Most actuators drive a joint with one degree of freedom. Those keep only their gear; the others
+have a dense row of the moment matrix.
 """
 
 import jax.numpy as jnp
@@ -14,15 +14,10 @@ from jaxsim.arrays.indexing import sum_by, take
 from jaxsim.dynamics.jacobian import site_jacobian
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.tendon import tendon_jacobian, tendon_length
-from jaxsim.joints.types import BALL, FREE
+from jaxsim.joints import JOINTS
+from jaxsim.joints.grouping import per_joint, position_rows
 from jaxsim.model import Model
-from jaxsim.spatial import (
-    quat_difference,
-    quat_inv_rotate,
-    quat_log,
-    quat_mul,
-    quat_normalize,
-)
+from jaxsim.spatial import quat_difference, quat_mul, quat_normalize
 
 JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
 JOINTINPARENT = int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)
@@ -54,9 +49,8 @@ def transmission(model: Model, kin: Kinematics, qpos: Float[Array, "nq"]) -> Tra
       qpos: coordinates.
     """
     scalar, other = scalar_actuators(model)
-    gear = take(model.actuator_gear[:, 0], scalar)
-    lengths = [gear * take(qpos, model.jnt_qposadr[model.actuator_trnid[scalar, 0]])]
-    rows = [jnp.zeros((0, model.nv), gear.dtype)]
+    length, gear = _scalar(model, qpos, scalar)
+    lengths, rows = [length], [jnp.zeros((0, model.nv), gear.dtype)]
     for i in other:
         length, row = _one(model, kin, qpos, int(i))
         lengths.append(length[None])
@@ -92,11 +86,10 @@ def actuator_moment(model: Model, t: Transmission) -> Float[Array, "nu nv"]:
 
 
 def scalar_actuators(model: Model) -> tuple[np.ndarray, np.ndarray]:
-    """Actuators of a single hinge or slide, and all others; static."""
-    on_joint = np.isin(model.actuator_trntype, (JOINT, JOINTINPARENT))
-    joint = np.where(on_joint, model.actuator_trnid[:, 0], 0)
-    kind = model.jnt_type[joint] if model.njnt else np.zeros(model.nu, int)
-    scalar = on_joint & (kind != FREE) & (kind != BALL)
+    """Actuators of a joint with one degree of freedom, and all others; static."""
+    scalar = np.isin(model.actuator_trntype, (JOINT, JOINTINPARENT))
+    ndof = np.bincount(model.dof_jntid, minlength=model.njnt)
+    scalar[scalar] = ndof[model.actuator_trnid[scalar, 0]] == 1
     return np.nonzero(scalar)[0], np.nonzero(~scalar)[0]
 
 
@@ -111,8 +104,23 @@ def _scalar_dofs(model: Model) -> np.ndarray:
     return model.jnt_dofadr[model.actuator_trnid[scalar, 0]]
 
 
+def _scalar(model: Model, qpos, ids: np.ndarray):
+    """Lengths of actuators of joints with one degree of freedom, and their derivatives."""
+    joints = model.actuator_trnid[ids, 0]
+    none = np.zeros(0, qpos.dtype)
+    length, moment = per_joint(
+        model.jnt_type[joints],
+        ("transmission",),
+        lambda joint: lambda q, gear: joint.transmission(q, gear, False),
+        position_rows(model, qpos, joints),
+        take(model.actuator_gear, ids),
+        empty=(none, none[:, None]),
+    )
+    return length, moment[:, 0]
+
+
 def _one(model: Model, kin: Kinematics, qpos, i: int):
-    """Length and row of one actuator that is not on a hinge or slide."""
+    """Length and row of any other actuator."""
     kind, gear = int(model.actuator_trntype[i]), model.actuator_gear[i]
     target, reference = (int(k) for k in model.actuator_trnid[i])
     if kind == TENDON:
@@ -122,20 +130,11 @@ def _one(model: Model, kin: Kinematics, qpos, i: int):
         return jnp.zeros_like(gear[0]), _site_row(model, kin, gear, target, kin.site_xmat[target])
     if kind == SITE:
         return _site_pair(model, kin, gear, target, reference)
-    return _rotating_joint(model, qpos, gear, target, in_parent=kind == JOINTINPARENT)
-
-
-def _rotating_joint(model: Model, qpos, gear, joint: int, in_parent: bool):
-    """Ball: a torque about `gear[:3]`. Free: a force `gear[:3]` and a torque about `gear[3:]`."""
-    free = model.jnt_type[joint] == FREE
-    start, dof = model.jnt_qposadr[joint] + (3 if free else 0), model.jnt_dofadr[joint]
-    quat = quat_normalize(qpos[start : start + 4])
-    axis = gear[3:] if free else gear[:3]
-    if in_parent:
-        axis = quat_inv_rotate(quat, axis)
-    length = jnp.zeros_like(gear[0]) if free else quat_log(quat) @ axis
-    moment = jnp.concatenate([gear[:3], axis]) if free else axis
-    return length, jnp.pad(moment, (dof, model.nv - dof - len(moment)))
+    joint = JOINTS[int(model.jnt_type[target])]
+    start, dof = model.jnt_qposadr[target], model.jnt_dofadr[target]
+    q = qpos[start : start + joint.nq]
+    length, moment = joint.transmission(q, gear, kind == JOINTINPARENT)
+    return length, jnp.pad(moment, (dof, model.nv - dof - joint.nv))
 
 
 def _site_pair(model: Model, kin: Kinematics, gear, site: int, reference: int):

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 from jaxsim.arrays.indexing import sum_by, take
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.tree import outward
-from jaxsim.joints.types import FREE
+from jaxsim.joints.grouping import turning
 from jaxsim.model import Model
 from jaxsim.spatial import cross_motion
 
@@ -30,18 +30,15 @@ class Velocities:
 def velocities(model: Model, kin: Kinematics, qvel: Float[Array, "nv"]) -> Velocities:
     """Link twists: sums of `cdof * qvel` from the roots outward.
 
-    The axes of a joint are fixed in its link, so they turn with it: their rate is `cvel x cdof`.
-    A free joint's translations keep their directions in the world instead.
+    The rate of an axis that turns with its link is `cvel x cdof`. The others, such as the
+    translations of a free joint, keep their directions in the world.
     """
     tree = model.tree
     each = kin.cdof * to_tree_order(model, qvel)[:, None]
     joint = sum_by(each, tree.dof_node, len(tree))
-    turning = np.ones(tree.nv, bool)
-    for start in tree.dof_start[tree.kind == FREE]:
-        turning[start : start + 3] = False
-    carried = joint
-    if not turning.all():
-        carried = sum_by(jnp.where(turning[:, None], each, 0), tree.dof_node, len(tree))
+    carried, turns = joint, turning(tree.kind)
+    if not turns.all():
+        carried = sum_by(jnp.where(turns[:, None], each, 0), tree.dof_node, len(tree))
     zero = jnp.zeros((tree.nroot, 6), joint.dtype)
     (cvel, bias), _ = outward(tree, _moved, (zero, zero), (joint, carried))
     return Velocities(cvel=cvel, bias=bias)

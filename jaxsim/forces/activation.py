@@ -50,7 +50,7 @@ def activation_rate(
         _MUSCLE: muscle_activation_rate,
     }
     prm = take(model.actuator_dynprm, ids)
-    return apply_by_kind(model.actuator_dyntype[ids], kinds, take(ctrl, ids), act, prm)
+    return apply_by_kind(model.actuator_dyntype[ids], kinds, take(ctrl, ids), act, prm, empty=act)
 
 
 def next_activation(

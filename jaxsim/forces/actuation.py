@@ -146,7 +146,14 @@ def gains(
     }
     ranges, acc0 = model.actuator_lengthrange, model.actuator_acc0
     return apply_by_kind(
-        model.actuator_gaintype, kinds, model.actuator_gainprm, length, velocity, ranges, acc0
+        model.actuator_gaintype,
+        kinds,
+        model.actuator_gainprm,
+        length,
+        velocity,
+        ranges,
+        acc0,
+        empty=length,
     )
 
 
@@ -160,7 +167,14 @@ def _biases(model: Model, length, velocity) -> Float[Array, "nu"]:
     }
     ranges, acc0 = model.actuator_lengthrange, model.actuator_acc0
     return apply_by_kind(
-        model.actuator_biastype, kinds, model.actuator_biasprm, length, velocity, ranges, acc0
+        model.actuator_biastype,
+        kinds,
+        model.actuator_biasprm,
+        length,
+        velocity,
+        ranges,
+        acc0,
+        empty=length,
     )
 
 

@@ -1,4 +1,4 @@
-"""Free bodies that carry nothing: six equations of their own, gyroscopic forces included."""
+"""Free bodies that carry nothing: equations of their own, gyroscopic forces included."""
 
 import jax
 import jax.numpy as jnp
@@ -9,7 +9,7 @@ from jaxsim.arrays.indexing import take
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.forces.derivatives import Damping
-from jaxsim.joints.types import FREE
+from jaxsim.joints import JOINTS, Joint
 from jaxsim.model import Model
 from jaxsim.spatial import Inertia, cross_force, cross_motion
 
@@ -33,11 +33,21 @@ def solve_free_bodies(
       qacc: accelerations to return for all other joints.
     """
     links = _candidates(model)
-    if not len(links):
-        return qacc
+    for kind in np.unique(model.tree.kind[links]):
+        some = links[model.tree.kind[links] == kind]
+        solved = _solve(model, kin, JOINTS[int(kind)], some, qvel, damping, force)
+        joints = model.tree.order[some]
+        bodies, dofs = model.jnt_bodyid[joints], _dofs(JOINTS[int(kind)], model.jnt_dofadr[joints])
+        # Bodies may carry others that are welded to them; MuJoCo tells by the mass.
+        lone = take(model.body_subtreemass, bodies) == take(model.body_mass, bodies)
+        qacc = qacc.at[dofs].set(jnp.where(lone[:, None], solved, qacc[dofs]))
+    return qacc
+
+
+def _solve(model: Model, kin: Kinematics, joint: Joint, links: np.ndarray, qvel, damping, force):
+    """(len(links), nv) accelerations of links that have one type of joint."""
     h = model.opt.timestep
-    joints = model.tree.order[links]
-    dofs = model.jnt_dofadr[joints][:, None] + np.arange(6)
+    dofs = _dofs(joint, model.jnt_dofadr[model.tree.order[links]])
     extra = damping.dense
     extra = jnp.zeros((model.nv, model.nv), qvel.dtype) if extra is None else extra
     drag = damping.link_matrix
@@ -45,29 +55,33 @@ def solve_free_bodies(
     diagonal = dof_armature(model) + h * damping.diagonal
 
     def one(dof, axes, inertia, drag):
-        bias = jax.jacfwd(lambda v: _bias(inertia, axes, v))(qvel[dof])
+        bias = jax.jacfwd(lambda v: _bias(joint, inertia, axes, v))(qvel[dof])
         matrix = axes @ (inertia.as_matrix() + h * drag) @ axes.T + jnp.diag(diagonal[dof])
         return jnp.linalg.solve(matrix + h * (bias + extra[dof][:, dof]), force[dof])
 
-    axes = take(kin.cdof, (model.tree.dof_start[links][:, None] + np.arange(6)).reshape(-1))
+    axes = take(kin.cdof, _dofs(joint, model.tree.dof_start[links]).ravel())
     inertia = jax.tree.map(lambda a: take(a, links), kin.inertia)
-    solved = jax.vmap(one)(jnp.asarray(dofs), axes.reshape(-1, 6, 6), inertia, take(drag, links))
-    bodies = model.jnt_bodyid[joints]
-    # Bodies may carry others that are welded to them; MuJoCo tells by the mass.
-    lone = take(model.body_subtreemass, bodies) == take(model.body_mass, bodies)
-    return qacc.at[dofs].set(jnp.where(lone[:, None], solved, qacc[dofs]))
+    return jax.vmap(one)(
+        jnp.asarray(dofs), axes.reshape(-1, joint.nv, 6), inertia, take(drag, links)
+    )
 
 
-def _bias(inertia: Inertia, axes, qvel) -> Float[Array, "6"]:
-    """Velocity-dependent forces; the first three axes, translations, do not turn."""
+def _bias(joint: Joint, inertia: Inertia, axes, qvel) -> Float[Array, "nv"]:
+    """Velocity-dependent forces; some of the axes turn with the link."""
+    (turns,) = np.nonzero(np.array(joint.turns))
     twist = qvel @ axes
-    rate = cross_motion(twist, qvel[3:] @ axes[3:])
+    rate = cross_motion(twist, take(qvel, turns) @ take(axes, turns))
     return axes @ (inertia.apply(rate) + cross_force(twist, inertia.apply(twist)))
 
 
+def _dofs(joint: Joint, start: np.ndarray) -> np.ndarray:
+    """(n, nv) degrees of freedom from the first ones."""
+    return start[:, None] + np.arange(joint.nv)
+
+
 def _candidates(model: Model) -> np.ndarray:
-    """Links of free joints that no other joint hangs on; static."""
+    """Links placed in the world that no other joint hangs on; static."""
     tree = model.tree
-    is_parent = np.zeros(len(tree), bool)
-    is_parent[tree.parent[tree.parent >= 0]] = True
-    return np.nonzero((tree.kind == FREE) & ~is_parent)[0]
+    in_world = np.array([JOINTS[int(kind)].in_world for kind in tree.kind], bool)
+    in_world[tree.parent[tree.parent >= 0]] = False
+    return np.nonzero(in_world)[0]

@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 from jaxsim.arrays.indexing import take
 from jaxsim.dynamics.transmission import JOINT, JOINTINPARENT, SITE
-from jaxsim.joints.types import BALL
+from jaxsim.joints import JOINTS
 from jaxsim.model import Model
 
 _FIXED = int(mujoco.mjtGain.mjGAIN_FIXED)
@@ -21,15 +21,16 @@ def wrap_setpoint(
 ) -> Float[Array, "nu"]:
     """The equivalent setpoint nearest to the length, for position servos of rotations.
 
-    Those are servos of a ball joint, or of a site's rotation relative to another site.
+    Those are servos of a joint whose length is an angle up to whole turns, such as a ball's, or of
+    a site's rotation relative to another site.
 
     Args:
       model: the model.
       setpoint: input of each actuator.
       length: length of each actuator.
     """
-    on_ball, on_site = _rotational(model)
-    ids = np.nonzero(on_ball | on_site)[0]
+    on_joint, on_site = _rotational(model)
+    ids = np.nonzero(on_joint | on_site)[0]
     if not len(ids):
         return setpoint
     gear = take(model.actuator_gear, ids)
@@ -46,12 +47,12 @@ def wrap_setpoint(
 
 
 def _rotational(model: Model) -> tuple[np.ndarray, np.ndarray]:
-    """(nu,) masks of actuators that may be such servos: on a ball joint, on a pair of sites."""
+    """(nu,) masks of actuators that may be such servos: on a joint, on a pair of sites."""
     kind, target = model.actuator_trntype, model.actuator_trnid[:, 0]
     servo = (model.actuator_gaintype == _FIXED) & (model.actuator_biastype == _AFFINE)
     servo = servo & np.isin(model.actuator_dyntype, (_NONE, _INTEGRATOR))
     on_joint = np.isin(kind, (JOINT, JOINTINPARENT))
-    ball = np.zeros(model.nu, bool)
-    ball[on_joint] = model.jnt_type[target[on_joint]] == BALL
+    angle = on_joint.copy()
+    angle[on_joint] = [JOINTS[int(t)].is_angle for t in model.jnt_type[target[on_joint]]]
     pair = (kind == SITE) & (model.actuator_trnid[:, 1] >= 0)
-    return servo & ball, servo & pair
+    return servo & angle, servo & pair

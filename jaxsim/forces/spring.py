@@ -1,17 +1,14 @@
 """Springs of joints and tendons."""
 
-import jax
 import jax.numpy as jnp
 import mujoco
-import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsim.arrays.indexing import take
-from jaxsim.arrays.polynomial import poly_coefficient
+from jaxsim.arrays.polynomial import poly_coefficient, spring_force
 from jaxsim.dynamics.tendon import tendon_force_on_joints, tendon_length
-from jaxsim.joints.types import BALL, FREE
+from jaxsim.joints import Joint
+from jaxsim.joints.grouping import per_joint, position_rows
 from jaxsim.model import Model
-from jaxsim.spatial import quat_difference, quat_normalize
 
 _SPRING = mujoco.mjtDisableBit.mjDSBL_SPRING
 
@@ -19,8 +16,8 @@ _SPRING = mujoco.mjtDisableBit.mjDSBL_SPRING
 def qfrc_spring(model: Model, qpos: Float[Array, "nq"]) -> Float[Array, "nv"]:
     """Forces `-k(x) x` of all springs, x measured from `qpos_spring` in the joint's coordinates.
 
-    The deflection of a ball joint, and of the rotation of a free joint, is a rotation vector; its
-    length is what the stiffness polynomial depends on.
+    The deflection of a rotation is a rotation vector. The polynomial depends on the length of each
+    of the joint's parts, see `Joint`.
     """
     if model.opt.disabled(_SPRING):
         return jnp.zeros_like(model.dof_damping)
@@ -31,41 +28,20 @@ def qfrc_spring(model: Model, qpos: Float[Array, "nq"]) -> Float[Array, "nv"]:
 
 
 def _joint_springs(model: Model, qpos) -> Float[Array, "nv"]:
-    parts, dofs = [jnp.zeros(0, qpos.dtype)], [np.zeros(0, int)]
-
-    def add(joints, size: int, force, q_start: int = 0, v_start: int = 0):
-        index = (model.jnt_qposadr[joints] + q_start)[:, None] + np.arange(size)
-        parts.append(
-            jax.vmap(force)(
-                take(model.jnt_stiffness, joints),
-                take(model.jnt_stiffnesspoly, joints),
-                take(qpos, index.reshape(-1)).reshape(-1, size),
-                take(model.qpos_spring, index.reshape(-1)).reshape(-1, size),
-            ).reshape(-1)
+    def force(joint: Joint):
+        return lambda q, q0, k, poly: jnp.concatenate(
+            [spring_force(k, poly, x) for x in joint.deflections(q, q0)]
         )
-        count = min(size, 3)
-        dofs.append(((model.jnt_dofadr[joints] + v_start)[:, None] + np.arange(count)).reshape(-1))
 
-    scalar = np.nonzero((model.jnt_type != FREE) & (model.jnt_type != BALL))[0]
-    if len(scalar):
-        add(scalar, 1, lambda k, poly, q, q0: -poly_coefficient(k, poly, (q - q0)[0]) * (q - q0))
-    if len(ball := np.nonzero(model.jnt_type == BALL)[0]):
-        add(ball, 4, _rotation_spring)
-    if len(free := np.nonzero(model.jnt_type == FREE)[0]):
-        add(free, 3, lambda k, poly, q, q0: _vector_spring(k, poly, q - q0))
-        add(free, 4, _rotation_spring, q_start=3, v_start=3)
-    return take(jnp.concatenate(parts), np.argsort(np.concatenate(dofs)))
-
-
-def _rotation_spring(stiffness, poly, q, q0) -> Float[Array, "3"]:
-    return _vector_spring(stiffness, poly, quat_difference(q0, quat_normalize(q)))
-
-
-def _vector_spring(stiffness, poly, x: Float[Array, "3"]) -> Float[Array, "3"]:
-    """`-k(|x|) x`; at x = 0, where the length has no derivative, the derivative is `-k(0)`."""
-    square = x @ x
-    length = jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
-    return -poly_coefficient(stiffness, poly, length) * x
+    return per_joint(
+        model.jnt_type,
+        ("difference", "parts"),
+        force,
+        *(position_rows(model, x) for x in (qpos, model.qpos_spring)),
+        *(model.jnt_stiffness, model.jnt_stiffnesspoly),
+        empty=qpos,
+        start=model.jnt_dofadr,
+    )
 
 
 def _tendon_springs(model: Model, qpos) -> Float[Array, "ntendon"]:

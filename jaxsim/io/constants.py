@@ -15,7 +15,7 @@ from jaxsim.dynamics.kinematics import Kinematics, kinematics
 from jaxsim.dynamics.tendon import tendon_jacobian, tendon_length
 from jaxsim.dynamics.transmission import actuator_moment, transmission
 from jaxsim.dynamics.tree import accumulate_inward
-from jaxsim.joints.types import BALL, FREE
+from jaxsim.joints import JOINTS
 from jaxsim.model import Model
 from jaxsim.spatial import Pose
 
@@ -77,13 +77,9 @@ def _body_weights(model: Model, kin: Kinematics, inverse) -> Float[Array, "nbody
 
 
 def _dof_weights(model: Model, diagonal: Float[Array, "nv"]) -> Float[Array, "nv"]:
-    """Diagonal of the inverse mass matrix, averaged over each triple of a ball or free joint."""
-    groups = np.arange(model.nv)
-    for j in range(model.njnt):
-        start = model.jnt_dofadr[j]
-        triples = {FREE: 2, BALL: 1}.get(int(model.jnt_type[j]), 0)
-        for t in range(triples):
-            groups[start + 3 * t : start + 3 * t + 3] = start + 3 * t
+    """Diagonal of the inverse mass matrix, averaged over each part of a joint's velocity."""
+    sizes = [size for kind in model.jnt_type for size in JOINTS[int(kind)].parts]
+    groups = np.repeat(np.arange(len(sizes)), np.array(sizes, int))
     average = (groups[:, None] == groups[None, :]).astype(float)
     average /= average.sum(1, keepdims=True)
     return jnp.asarray(average, diagonal.dtype) @ diagonal

@@ -1,1 +1,11 @@
-"""Joint types: what the coordinates of a joint do to its link."""
+"""Joint types, one file each, by MuJoCo's number; `joint.py` says what a type answers."""
+
+from jaxsim.joints.ball import BALL
+from jaxsim.joints.free import FREE
+from jaxsim.joints.hinge import HINGE
+from jaxsim.joints.joint import Joint
+from jaxsim.joints.slide import SLIDE
+
+JOINTS: dict[int, Joint] = {joint.number: joint for joint in (FREE, BALL, SLIDE, HINGE)}
+
+__all__ = ["JOINTS", "Joint"]

@@ -35,13 +35,6 @@ ARRAYS = (
     "sensor_refid sensor_dim sensor_adr"
 ).split()
 
-JOINT_NDOF = {
-    int(mujoco.mjtJoint.mjJNT_FREE): 6,
-    int(mujoco.mjtJoint.mjJNT_BALL): 3,
-    int(mujoco.mjtJoint.mjJNT_SLIDE): 1,
-    int(mujoco.mjtJoint.mjJNT_HINGE): 1,
-}
-
 
 class Structure:
     """Sizes, types, addresses, flags and names of a model, immutable and hashable.
@@ -93,7 +86,7 @@ class Structure:
     @functools.cached_property
     def tree(self) -> Forest:
         """The links: one per joint; kind is the joint's type."""
-        ndof = np.array([JOINT_NDOF[int(t)] for t in self.jnt_type], int)
+        ndof = np.bincount(self.dof_jntid, minlength=self.njnt)
         return Forest(self._link_parent(), np.asarray(self.jnt_type, int), ndof)
 
     @functools.cached_property

@@ -138,7 +138,7 @@ def _check_tendons(mj: mujoco.MjModel, names: _Labels) -> None:
 
 def _check_limits(mj: mujoco.MjModel, names: _Labels) -> None:
     """One row serves both ends of a range, so both must not be active at once."""
-    scalar = np.isin(mj.jnt_type, (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE))
+    scalar = np.bincount(mj.dof_jntid, minlength=mj.njnt) == 1
     joints = mj.jnt_limited.astype(bool) & scalar, mj.jnt_range, mj.jnt_margin, names.joint
     tendons = mj.tendon_limited.astype(bool), mj.tendon_range, mj.tendon_margin, names.tendon
     for limited, bounds, margin, label in (joints, tendons):

@@ -7,18 +7,17 @@ compensation, which does work as a force), springs of joints and springs of tend
 import jax
 import jax.numpy as jnp
 import mujoco
-import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsim.arrays.indexing import take
+from jaxsim.arrays.polynomial import spring_energy
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.dynamics.rnea import gravity
 from jaxsim.dynamics.tendon import tendon_length
 from jaxsim.dynamics.velocity import Velocities
-from jaxsim.joints.types import BALL, FREE
+from jaxsim.joints import Joint
+from jaxsim.joints.grouping import per_joint, position_rows
 from jaxsim.model import Model
-from jaxsim.spatial import quat_difference, quat_normalize
 
 _SPRING_OFF = mujoco.mjtDisableBit.mjDSBL_SPRING
 
@@ -55,13 +54,20 @@ def joint_spring_energy(model: Model, qpos: Float[Array, "nq"]) -> Float[Array, 
 
     A ball joint is deflected by an angle; a free joint by a distance and by an angle.
     """
-    kind = model.jnt_type
-    (free,), (turning,) = np.nonzero(kind == FREE), np.nonzero((kind == FREE) | (kind == BALL))
-    (scalar,) = np.nonzero((kind != FREE) & (kind != BALL))
-    energy = _deflection_energy(model, qpos, scalar, 0, 1, jnp.subtract)
-    energy += _deflection_energy(model, qpos, free, 0, 3, jnp.subtract)
-    start = np.where(kind[turning] == FREE, 3, 0)
-    return energy + _deflection_energy(model, qpos, turning, start, 4, _turn)
+
+    def energy(joint: Joint):
+        return lambda q, q0, k, poly: sum(
+            spring_energy(k, poly, x) for x in joint.deflections(q, q0)
+        )
+
+    return per_joint(
+        model.jnt_type,
+        ("difference", "parts"),
+        energy,
+        *(position_rows(model, x) for x in (qpos, model.qpos_spring)),
+        *(model.jnt_stiffness, model.jnt_stiffnesspoly),
+        empty=qpos,
+    ).sum()
 
 
 def tendon_spring_energy(model: Model, qpos: Float[Array, "nq"]) -> Float[Array, ""]:
@@ -70,41 +76,4 @@ def tendon_spring_energy(model: Model, qpos: Float[Array, "nq"]) -> Float[Array,
     low, high = model.tendon_lengthspring.T
     x = length - jnp.clip(length, low, high)
     springs = (model.tendon_stiffness, model.tendon_stiffnesspoly, x[:, None])
-    return jax.vmap(spring_potential)(*springs).sum()
-
-
-def spring_potential(
-    stiffness: Float[Array, ""], poly: Float[Array, "npoly"], x: Float[Array, "n"]
-) -> Float[Array, ""]:
-    """`k x^2/2 + p_0 x^3/3 + p_1 x^4/4 + ...`: work against the force `x (k + p_0 x + ...)`.
-
-    Args:
-      stiffness: k.
-      poly: coefficients of the higher powers.
-      x: the deflection; several components count by their length, a single one with its sign.
-    """
-    square = x @ x
-    length = x[0] if len(x) == 1 else _root(square)
-    energy = 0.5 * stiffness * square
-    for k, coefficient in enumerate(poly, start=3):
-        # Even powers avoid the root, which has no derivative at zero.
-        energy += coefficient / k * square ** (k // 2) * (length if k % 2 else 1)
-    return energy
-
-
-def _deflection_energy(model: Model, qpos, joints, start, width: int, difference):
-    """Energy of springs on `width` coordinates of some joints."""
-    address = (model.jnt_qposadr[joints] + start)[:, None] + np.arange(width)
-    q, q0 = (take(x, address.ravel()).reshape(address.shape) for x in (qpos, model.qpos_spring))
-    springs = (take(model.jnt_stiffness, joints), take(model.jnt_stiffnesspoly, joints))
-    return jax.vmap(spring_potential)(*springs, jax.vmap(difference)(q, q0)).sum()
-
-
-def _turn(q, q0):
-    return quat_difference(q0, quat_normalize(q))
-
-
-def _root(square):
-    """Square root with derivative zero at zero."""
-    zero = square == 0
-    return jnp.where(zero, 0, jnp.sqrt(jnp.where(zero, 1, square)))
+    return jax.vmap(spring_energy)(*springs).sum()

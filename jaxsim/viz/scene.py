@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 
+from jaxsim.joints import JOINTS
 from jaxsim.model import Model
 
 _GEOM = mujoco.mjtGeom
@@ -51,12 +52,11 @@ def _add_body(model: Model, parent, body: int):
     )
     for joint in np.flatnonzero(model.jnt_bodyid == body):
         kind = int(model.jnt_type[joint])
-        scalar = kind in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
         added.add_joint(
             type=mujoco.mjtJoint(kind),
             pos=np.asarray(model.jnt_pos[joint], float),
             axis=np.asarray(model.jnt_axis[joint], float),
-            ref=float(model.qpos0[model.jnt_qposadr[joint]]) if scalar else 0.0,
+            ref=float(model.qpos0[model.jnt_qposadr[joint]]) if JOINTS[kind].nq == 1 else 0.0,
         )
     return added
 
