@@ -5,6 +5,7 @@ is known only at run time, and becomes a gather or a scatter.
 """
 
 import itertools
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -19,10 +20,14 @@ _MAX_SLICES = 16
 _MAX_TERMS = 8
 
 
-def gather(x: jax.Array | np.ndarray, index: Index) -> jax.Array:
-    """`x[index]`, for an index that is known while tracing or only at run time."""
-    x = jnp.asarray(x)
-    return take(x, index) if isinstance(index, np.ndarray) else x[index]
+def gather(x: jax.Array | np.ndarray, index: Index) -> Any:
+    """`x[index]`, for an index that is known while tracing or only at run time.
+
+    NumPy rows of a NumPy index are known, too.
+    """
+    if not isinstance(index, np.ndarray):
+        return jnp.asarray(x)[index]
+    return x[index] if isinstance(x, np.ndarray) else take(x, index)
 
 
 def take(x: jax.Array, index: np.ndarray) -> jax.Array:
@@ -51,8 +56,10 @@ def _repeated(x: jax.Array, times: int) -> jax.Array:
     return repeated.reshape(-1, *x.shape[1:])
 
 
-def sum_by(x: jax.Array, group: np.ndarray, n: int) -> jax.Array:
-    """(n, ...) sums of the rows of `x` that belong to each group; `group` is static."""
+def sum_by(x: jax.Array, group: Index, n: int) -> jax.Array:
+    """(n, ...) sums of the rows of `x` that belong to each group."""
+    if isinstance(group, jax.Array):
+        return jnp.zeros((n, *x.shape[1:]), x.dtype).at[group].add(x)
     group = np.asarray(group, int)
     if np.array_equal(group, np.arange(n)):
         return x

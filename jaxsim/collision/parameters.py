@@ -16,11 +16,8 @@ import numpy as np
 from flax import struct
 from jaxtyping import Array, Float, Int
 
+from jaxsim.arrays.constants import MINMU, MINVAL
 from jaxsim.arrays.indexing import Index, gather
-
-# MuJoCo's mjMINMU and mjMINVAL.
-MIN_FRICTION = 1e-5
-MIN_SOLMIX = 1e-15
 
 
 @struct.dataclass
@@ -73,7 +70,7 @@ def contact_parameters(model: Any, geom1: Index, geom2: Index, pair: Index) -> P
     values = _with_pairs(model, values, pair)
     if _overridden(model):
         values = _with_override(model, values)
-    return values.replace(friction=jnp.maximum(values.friction, MIN_FRICTION))
+    return values.replace(friction=jnp.maximum(values.friction, MINMU))
 
 
 def contact_margin(model: Any, geom1: Index, geom2: Index, pair: Index) -> Float[Array, "n"]:
@@ -114,7 +111,7 @@ def mix(
 
 def mixing_weight(solmix1: Float[Array, ""], solmix2: Float[Array, ""]) -> Float[Array, ""]:
     """Weight of the first of two surfaces; a vanishing solmix loses, two of them draw."""
-    none1, none2 = solmix1 < MIN_SOLMIX, solmix2 < MIN_SOLMIX
+    none1, none2 = solmix1 < MINVAL, solmix2 < MINVAL
     regular = ~none1 & ~none2
     ratio = jnp.where(regular, solmix1, 1.0) / jnp.where(regular, solmix1 + solmix2, 1.0)
     return jnp.where(regular, ratio, jnp.where(none1 & none2, 0.5, jnp.where(none1, 0.0, 1.0)))

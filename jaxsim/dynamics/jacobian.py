@@ -12,6 +12,7 @@ from jaxsim.arrays.indexing import take
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.velocity import Velocities, from_tree_order
 from jaxsim.model import Model
+from jaxsim.spatial import acceleration_at, twist_at
 
 
 def point_jacobian(
@@ -38,8 +39,8 @@ def point_jacobian(
     moves = jnp.asarray(model.tree.moves[link])
     arm = point - kin.origin[model.tree.root[link]]
     axes = jnp.where(moves[:, None], kin.cdof, 0)
-    linear = axes[:, 3:] + jax.vmap(lambda w: jnp.cross(w, arm))(axes[:, :3])
-    return from_tree_order(model, linear).T, from_tree_order(model, axes[:, :3]).T
+    twists = from_tree_order(model, jax.vmap(twist_at, (0, None))(axes, arm))
+    return twists[:, 3:].T, twists[:, :3].T
 
 
 def body_jacobian(model: Model, kin: Kinematics, body: int):
@@ -83,9 +84,8 @@ def body_jacobians(
     moves = jnp.asarray(tree.moves[model.body_link][:, model.structure.dof_position])
 
     def one(moves, point):
-        arms = point[None] - origin
-        linear = axes[:, 3:] + jnp.cross(axes[:, :3], arms)
-        return jnp.where(moves[:, None], jnp.concatenate([axes[:, :3], linear], axis=1), 0).T
+        twists = jax.vmap(twist_at)(axes, point[None] - origin)
+        return jnp.where(moves[:, None], twists, 0).T
 
     return jax.vmap(one)(moves, point)
 
@@ -95,8 +95,7 @@ def jacobian_dot_qvel(
 ) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
     """`d(jacp)/dt @ qvel` and `d(jacr)/dt @ qvel`: accelerations of a body while `qacc` is zero.
 
-    The point moves with the body. The acceleration of a point is the linear part of the spatial
-    acceleration at that point plus `omega x v` (Featherstone 2008, section 2.11).
+    The point moves with the body.
 
     Args:
       model: the model.
@@ -114,16 +113,9 @@ def jacobian_dot_qvel(
     link = model.body_link[_checked(model, "body", body)]
     if link < 0:
         return jnp.zeros(3, kin.cdof.dtype), jnp.zeros(3, kin.cdof.dtype)
-    bias = vel.bias[link]
-    return _point_acceleration(vel.cvel[link], bias, point - kin.origin[model.tree.root[link]])
-
-
-def _point_acceleration(twist, acceleration, arm):
-    """Acceleration of a point and of its body, from spatial quantities about another point."""
-    omega, alpha = twist[:3], acceleration[:3]
-    velocity = twist[3:] + jnp.cross(omega, arm)
-    linear = acceleration[3:] + jnp.cross(alpha, arm) + jnp.cross(omega, velocity)
-    return linear, alpha
+    arm = point - kin.origin[model.tree.root[link]]
+    acceleration = acceleration_at(vel.bias[link], vel.cvel[link], arm)
+    return acceleration[3:], acceleration[:3]
 
 
 def _checked(model: Model, kind: str, index: int) -> int:

@@ -6,6 +6,7 @@ import numpy as np
 from flax import struct
 from jaxtyping import Array, Float
 
+from jaxsim.arrays.constants import MINVAL
 from jaxsim.arrays.indexing import take
 from jaxsim.dynamics.links import Links, link_parameters
 from jaxsim.dynamics.tree import accumulate_inward, outward
@@ -13,9 +14,6 @@ from jaxsim.joints.grouping import per_joint, position_rows
 from jaxsim.model import Model
 from jaxsim.model.topology import Forest
 from jaxsim.spatial import Inertia, Pose, quat_normalize, quat_to_matrix
-
-# Subtrees lighter than this have no centre of mass worth the name (MuJoCo's mjMINVAL).
-_MIN_MASS = 1e-15
 
 
 @struct.dataclass
@@ -186,7 +184,7 @@ def _subtree_com(model: Model, xipos) -> Float[Array, "nbody 3"]:
     moment = mass[:, None] * take(xipos, forest.order)
     mass, moment = accumulate_inward(forest, (mass, moment))
     mass, moment = take(mass, forest.position), take(moment, forest.position)
-    light = mass < _MIN_MASS
+    light = mass < MINVAL
     com = moment / jnp.where(light, 1.0, mass)[:, None]
     return jnp.where(light[:, None], xipos, com)
 

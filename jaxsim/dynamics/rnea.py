@@ -18,7 +18,7 @@ from jaxsim.dynamics.tree import accumulate_inward, accumulate_outward
 from jaxsim.dynamics.velocity import Velocities, from_tree_order, to_tree_order, velocities
 from jaxsim.model import Model
 from jaxsim.model.topology import Forest
-from jaxsim.spatial import Inertia, cross_force
+from jaxsim.spatial import Inertia, cross_force, wrench_from
 
 _GRAVITY_OFF = mujoco.mjtDisableBit.mjDSBL_GRAVITY
 
@@ -121,7 +121,6 @@ def wrench_on_links(model: Model, kin: Kinematics, wrench, point) -> Float[Array
     """Sums of wrenches on bodies over the links that carry them, about the reference points."""
     (moving,) = (model.body_link >= 0).nonzero()
     link = model.body_link[moving]
-    torque, force = jnp.split(take(wrench, moving), 2, axis=1)
     arm = take(point, moving) - take(take(kin.origin, model.tree.root), link)
-    moved = jnp.concatenate([torque + jnp.cross(arm, force), force], axis=1)
+    moved = jax.vmap(wrench_from)(take(wrench, moving), arm)
     return sum_by(moved, link, len(model.tree))

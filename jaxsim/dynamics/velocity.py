@@ -1,5 +1,6 @@
 """Velocities of the links, and what they add to the accelerations."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from flax import struct
@@ -10,7 +11,7 @@ from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.tree import outward
 from jaxsim.joints.grouping import turning
 from jaxsim.model import Model
-from jaxsim.spatial import cross_motion
+from jaxsim.spatial import cross_motion, twist_at
 
 
 @struct.dataclass
@@ -72,8 +73,7 @@ def body_twists(
     (moving,) = np.nonzero(link >= 0)
     twist = take(link_twist, link[moving])
     arm = take(point, moving) - take(take(kin.origin, model.tree.root), link[moving])
-    v = twist[:, 3:] + jnp.cross(twist[:, :3], arm)
-    moved = jnp.concatenate([twist[:, :3], v], axis=1)
+    moved = jax.vmap(twist_at)(twist, arm)
     rows = np.where(link >= 0, np.cumsum(link >= 0) - 1, len(moving))
     return take(jnp.concatenate([moved, jnp.zeros((1, 6), moved.dtype)]), rows)
 

@@ -5,6 +5,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxsim.arrays.constants import MINVAL
 from jaxsim.arrays.indexing import take
 from jaxsim.arrays.kinds import apply_by_kind
 from jaxsim.forces.muscle import muscle_activation_rate
@@ -14,7 +15,6 @@ _INTEGRATOR = int(mujoco.mjtDyn.mjDYN_INTEGRATOR)
 _FILTER = int(mujoco.mjtDyn.mjDYN_FILTER)
 _FILTEREXACT = int(mujoco.mjtDyn.mjDYN_FILTEREXACT)
 _MUSCLE = int(mujoco.mjtDyn.mjDYN_MUSCLE)
-_MIN_VALUE = 1e-15
 
 
 def stateful_actuators(model: Model) -> np.ndarray:
@@ -41,7 +41,7 @@ def activation_rate(
         return jnp.zeros_like(act)
 
     def lag(u, a, prm):
-        return (u - a) / jnp.maximum(prm[0], _MIN_VALUE)
+        return (u - a) / jnp.maximum(prm[0], MINVAL)
 
     kinds = {
         _INTEGRATOR: lambda u, a, prm: u,
@@ -75,7 +75,7 @@ def next_activation(
     step = dt * jnp.ones_like(act)
     exact = model.actuator_dyntype[ids] == _FILTEREXACT
     if exact.any():
-        tau = jnp.maximum(take(model.actuator_dynprm[:, 0], ids), _MIN_VALUE)
+        tau = jnp.maximum(take(model.actuator_dynprm[:, 0], ids), MINVAL)
         step = jnp.where(exact, -tau * jnp.expm1(-dt / jnp.where(exact, tau, 1.0)), step)
     stepped = act + act_dot * step
     limited = np.asarray(model.actuator_actlimited, bool)[ids]

@@ -11,10 +11,10 @@ import mujoco
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from jaxsim.arrays.indexing import sum_by, take
+from jaxsim.arrays.indexing import gather, sum_by, take
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.model import Model
-from jaxsim.spatial import quat_conj, quat_mul
+from jaxsim.spatial import quat_conj, quat_mul, wrench_from
 
 _CONNECT = int(mujoco.mjtEq.mjEQ_CONNECT)
 _WELD = int(mujoco.mjtEq.mjEQ_WELD)
@@ -73,12 +73,12 @@ def contact_wrench(
         return jnp.zeros((model.nbody, 6), kin.xipos.dtype)
 
     def world(R, local):
-        return R.T @ local[3:], R.T @ local[:3]
+        return jnp.concatenate([R.T @ local[3:], R.T @ local[:3]])
 
-    torque, force = jax.vmap(world)(contact.frame, force)
-    body1, body2 = (geom_body(model, geom) for geom in (contact.geom1, contact.geom2))
-    first = _at_bodies(model, kin, body1, contact.pos, -torque, -force)
-    return first + _at_bodies(model, kin, body2, contact.pos, torque, force)
+    wrench = jax.vmap(world)(contact.frame, force)
+    body1, body2 = (gather(model.geom_bodyid, geom) for geom in (contact.geom1, contact.geom2))
+    first = _at_bodies(model, kin, body1, contact.pos, -wrench)
+    return first + _at_bodies(model, kin, body2, contact.pos, wrench)
 
 
 def equality_wrench(
@@ -108,16 +108,9 @@ def equality_wrench(
     at_site = jnp.asarray(model.eq_objtype[rows] == _SITE)[:, None]
     quat1 = jnp.where(at_site, quat1, jax.vmap(quat_mul)(quat1, data[:, 6:10]))
     torque = data[:, 10:11] * jax.vmap(_weld_torque)(quat1, quat2, force[:, 3:])
-    torque, force = jnp.where(is_weld, torque, 0), force[:, :3]
-    first = _at_bodies(model, kin, body1, pos1, torque, force)
-    return first + _at_bodies(model, kin, body2, pos2, -torque, -force)
-
-
-def geom_body(model: Model, geom: Int[Array, "n"] | np.ndarray) -> Int[Array, "n"] | np.ndarray:
-    """Bodies of geoms; static if the geoms are."""
-    if isinstance(geom, np.ndarray):
-        return model.geom_bodyid[geom]
-    return jnp.asarray(model.geom_bodyid, geom.dtype)[geom]
+    wrench = jnp.concatenate([jnp.where(is_weld, torque, 0), force[:, :3]], axis=1)
+    first = _at_bodies(model, kin, body1, pos1, wrench)
+    return first + _at_bodies(model, kin, body2, pos2, -wrench)
 
 
 def _end(model: Model, kin: Kinematics, rows, objects, anchor):
@@ -142,11 +135,7 @@ def _weld_torque(quat1, quat2, f):
     return 0.5 * quat_mul(quat_mul(quat2, pure), quat_conj(quat1))[1:]
 
 
-def _at_bodies(model: Model, kin: Kinematics, body, pos, torque, force):
+def _at_bodies(model: Model, kin: Kinematics, body, pos, wrench):
     """Sums over bodies of wrenches at world points, moved to the bodies' centres of mass."""
-    static = isinstance(body, np.ndarray)
-    com = take(kin.xipos, body) if static else kin.xipos[body]
-    wrench = jnp.concatenate([torque + jnp.cross(pos - com, force), force], axis=1)
-    if static:
-        return sum_by(wrench, body, model.nbody)
-    return jnp.zeros((model.nbody, 6), wrench.dtype).at[body].add(wrench)
+    moved = jax.vmap(wrench_from)(wrench, pos - gather(kin.xipos, body))
+    return sum_by(moved, body, model.nbody)

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import mujoco
 from jaxtyping import Array, Float
 
+from jaxsim.arrays.constants import MINVAL
 from jaxsim.arrays.indexing import sum_by, take
 from jaxsim.arrays.polynomial import magnitude
 from jaxsim.dynamics.kinematics import Kinematics
@@ -19,8 +20,6 @@ from jaxsim.dynamics.rnea import project_wrench
 from jaxsim.dynamics.velocity import Velocities, body_twists
 from jaxsim.model import Model
 
-# MuJoCo's mjMINVAL: lighter bodies have no box.
-_MIN_VALUE = 1e-15
 _SPRING = mujoco.mjtDisableBit.mjDSBL_SPRING
 _DAMPER = mujoco.mjtDisableBit.mjDSBL_DAMPER
 
@@ -81,9 +80,9 @@ def _coefficients(model: Model) -> tuple[Float[Array, "nbody 6"], Float[Array, "
     viscosity, density = model.opt.viscosity, model.opt.density
 
     def one(mass, inertia):
-        light = mass < _MIN_VALUE
+        light = mass < MINVAL
         squares = jnp.sum(inertia) - 2 * inertia
-        box = jnp.sqrt(jnp.maximum(squares, _MIN_VALUE) / jnp.where(light, 1.0, mass) * 6)
+        box = jnp.sqrt(jnp.maximum(squares, MINVAL) / jnp.where(light, 1.0, mass) * 6)
         diameter = jnp.sum(box) / 3
         b = jnp.stack([math.pi * diameter**3] * 3 + [3 * math.pi * diameter] * 3) * viscosity
         x, y, z = box

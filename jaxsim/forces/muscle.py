@@ -9,7 +9,7 @@ where activation switches between rising and falling without smoothing.
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-_MIN_VALUE = 1e-15
+from jaxsim.arrays.constants import MINVAL
 
 
 def muscle_activation_rate(
@@ -26,10 +26,10 @@ def muscle_activation_rate(
     scale = 0.5 + 1.5 * jnp.clip(act, 0, 1)
     rising, falling, width = prm[0] * scale, prm[1] / scale, prm[2]
     excess = jnp.clip(ctrl, 0, 1) - act
-    hard = width < _MIN_VALUE
+    hard = width < MINVAL
     weight = jnp.where(excess > 0, 1.0, 0.0)
     weight = jnp.where(hard, weight, _smoothstep(excess / jnp.where(hard, 1.0, width) + 0.5))
-    return excess / jnp.maximum(falling + (rising - falling) * weight, _MIN_VALUE)
+    return excess / jnp.maximum(falling + (rising - falling) * weight, MINVAL)
 
 
 def muscle_gain(
@@ -49,7 +49,7 @@ def muscle_gain(
       prm: range (2 numbers), force, scale, lmin, lmax, vmax, fpmax, fvmax.
     """
     x, optimum = _normalised(length, lengthrange, prm)
-    v = velocity / jnp.maximum(optimum * prm[6], _MIN_VALUE)
+    v = velocity / jnp.maximum(optimum * prm[6], MINVAL)
     curves = active_force_length(x, prm[4], prm[5]) * force_velocity(v, prm[8])
     return -_peak_force(acc0, prm) * curves
 
@@ -63,7 +63,7 @@ def muscle_bias(
     """Passive force, `-F FP(x)`: zero up to the optimal length, then quadratic, then linear."""
     x, _ = _normalised(length, lengthrange, prm)
     knee = (1 + prm[5]) / 2
-    width = jnp.maximum(knee - 1, _MIN_VALUE)
+    width = jnp.maximum(knee - 1, MINVAL)
     quadratic = _parabola(jnp.minimum(x, knee) - 1, knee - 1)
     linear = jnp.where(x > knee, (x - knee) / width, 0.0)
     curve = jnp.where(x > 1, quadratic + linear, 0.0)
@@ -86,12 +86,12 @@ def force_velocity(v: Float[Array, ""], fvmax: Float[Array, ""]) -> Float[Array,
     """Zero when shortening at v <= -1, one at rest, `fvmax` when lengthening fast."""
     y = fvmax - 1
     shortening = jnp.where(v <= -1, 0.0, (v + 1) * (v + 1))
-    lengthening = jnp.where(v <= y, fvmax - (y - v) * (y - v) / jnp.maximum(y, _MIN_VALUE), fvmax)
+    lengthening = jnp.where(v <= y, fvmax - (y - v) * (y - v) / jnp.maximum(y, MINVAL), fvmax)
     return jnp.where(v <= 0, shortening, lengthening)
 
 
 def _parabola(x, width):
-    scaled = x / jnp.maximum(width, _MIN_VALUE)
+    scaled = x / jnp.maximum(width, MINVAL)
     return 0.5 * scaled * scaled
 
 
@@ -103,10 +103,10 @@ def _smoothstep(x):
 
 def _normalised(length, lengthrange, prm):
     """Length in units of the optimal length, and that length."""
-    optimum = (lengthrange[1] - lengthrange[0]) / jnp.maximum(prm[1] - prm[0], _MIN_VALUE)
-    return prm[0] + (length - lengthrange[0]) / jnp.maximum(optimum, _MIN_VALUE), optimum
+    optimum = (lengthrange[1] - lengthrange[0]) / jnp.maximum(prm[1] - prm[0], MINVAL)
+    return prm[0] + (length - lengthrange[0]) / jnp.maximum(optimum, MINVAL), optimum
 
 
 def _peak_force(acc0, prm):
     """The given force, or `scale / acc0` where it is negative."""
-    return jnp.where(prm[2] < 0, prm[3] / jnp.maximum(acc0, _MIN_VALUE), prm[2])
+    return jnp.where(prm[2] < 0, prm[3] / jnp.maximum(acc0, MINVAL), prm[2])

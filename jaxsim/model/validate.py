@@ -10,10 +10,8 @@ from collections.abc import Callable, Iterable
 import mujoco
 import numpy as np
 
+from jaxsim.arrays.constants import MINVAL
 from jaxsim.model.errors import ModelError
-
-# Smaller masses and inertias of moving bodies make the mass matrix singular (MuJoCo's mjMINVAL).
-MIN_INERTIA = 1e-15
 
 INTEGRATORS = ("EULER", "RK4", "IMPLICIT", "IMPLICITFAST")
 TRANSMISSIONS = ("JOINT", "JOINTINPARENT", "TENDON", "SITE")
@@ -217,7 +215,7 @@ def _check_moving_mass(model, mass: np.ndarray, label) -> None:
         subtree = _subtree(model.body_parentid, int(b))
         start = model.body_dofadr[b]
         dofs = slice(start, start + model.body_dofnum[b])
-        if carried[subtree].sum() < MIN_INERTIA and (armature[dofs] < MIN_INERTIA).any():
+        if carried[subtree].sum() < MINVAL and (armature[dofs] < MINVAL).any():
             raise ModelError(
                 f"{label('body', int(b))}: a moving body needs mass, or armature on its joints"
             )

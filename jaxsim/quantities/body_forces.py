@@ -15,7 +15,7 @@ from jaxsim.dynamics.rnea import gravity, link_accelerations
 from jaxsim.dynamics.tree import accumulate_inward
 from jaxsim.dynamics.velocity import Velocities, body_twists
 from jaxsim.model import Model
-from jaxsim.spatial import Inertia, cross_force
+from jaxsim.spatial import Inertia, cross_force, wrench_from
 
 
 def tree_com(model: Model, kin: Kinematics) -> Float[Array, "nbody 3"]:
@@ -92,8 +92,7 @@ def cfrc_ext(
         `external_wrench` returns it.
     """
     arm = kin.xipos - tree_com(model, kin)
-    torque, force = jnp.split(wrench, 2, axis=1)
-    moved = jnp.concatenate([torque + jnp.cross(arm, force), force], axis=1)
+    moved = jax.vmap(wrench_from)(wrench, arm)
     return jnp.concatenate([jnp.zeros_like(moved[:1]), moved[1:]])
 
 

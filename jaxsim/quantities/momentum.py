@@ -4,14 +4,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxsim.arrays.constants import MINVAL
 from jaxsim.arrays.indexing import take
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.tree import accumulate_inward, inward
 from jaxsim.dynamics.velocity import Velocities, body_twists, from_tree_order
 from jaxsim.model import Model
-
-# Subtrees lighter than this have no mean velocity worth the name (MuJoCo's mjMINVAL).
-_MIN_MASS = 1e-15
+from jaxsim.spatial import wrench_from
 
 
 def center_of_mass(kin: Kinematics) -> Float[Array, "3"]:
@@ -34,8 +33,7 @@ def centroidal_momentum_matrix(model: Model, kin: Kinematics) -> Float[Array, "6
     composite = jax.tree.map(lambda a: take(a, tree.dof_node), accumulate_inward(tree, kin.inertia))
     momentum = jax.vmap(lambda inertia, axis: inertia.apply(axis))(composite, kin.cdof)
     arm = take(kin.origin, tree.root[tree.dof_node]) - center_of_mass(kin)[None]
-    angular = momentum[:, :3] + jnp.cross(arm, momentum[:, 3:])
-    return from_tree_order(model, jnp.concatenate([angular, momentum[:, 3:]], axis=1)).T
+    return from_tree_order(model, jax.vmap(wrench_from)(momentum, arm)).T
 
 
 def centroidal_momentum(model: Model, kin: Kinematics, vel: Velocities) -> Float[Array, "6"]:
@@ -46,8 +44,7 @@ def centroidal_momentum(model: Model, kin: Kinematics, vel: Velocities) -> Float
     tree = model.tree
     momentum = jax.vmap(lambda inertia, v: inertia.apply(v))(kin.inertia, vel.cvel)
     arm = take(kin.origin, tree.root) - center_of_mass(kin)[None]
-    angular = momentum[:, :3] + jnp.cross(arm, momentum[:, 3:])
-    return jnp.concatenate([angular, momentum[:, 3:]], axis=1).sum(0)
+    return jax.vmap(wrench_from)(momentum, arm).sum(0)
 
 
 def subtree_velocities(
@@ -68,7 +65,7 @@ def subtree_velocities(
     zero = (jnp.zeros((), com.dtype), jnp.zeros(3, com.dtype), jnp.zeros(3, com.dtype))
     (mass, moment, momentum), _ = inward(forest, _gather_momentum, zero, nodes)
     mass, moment, momentum = (take(a, forest.position) for a in (mass, moment, momentum))
-    light = mass < _MIN_MASS
+    light = mass < MINVAL
     mean = momentum / jnp.where(light, 1.0, mass)[:, None]
     linvel = jnp.where(light[:, None], 0, mean)
     return linvel, moment - jnp.cross(com - above, momentum)

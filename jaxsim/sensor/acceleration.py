@@ -1,6 +1,6 @@
 """Sensors that need accelerations and forces. Each returns (n, dim) readings of one group."""
 
-import jax.numpy as jnp
+import jax
 import mujoco
 import numpy as np
 from jaxtyping import Array, Float
@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 from jaxsim.arrays.indexing import sum_by, take
 from jaxsim.sensor.groups import Group
 from jaxsim.sensor.readings import Readings, into_frame
+from jaxsim.spatial import wrench_from
 
 _SITE = int(mujoco.mjtObj.mjOBJ_SITE)
 _TENDON = int(mujoco.mjtTrn.mjTRN_TENDON)
@@ -38,9 +39,8 @@ def torque(r: Readings, g: Group) -> Float[Array, "n 3"]:
     """Torque of the parent on a site's body about the site, in the site's frame (N m)."""
     body = r.model.site_bodyid[g.obj]
     pos, mat = r.frame(_SITE, g.obj)
-    wrench = take(r.cfrc_int, body)
     arm = take(r.signals.kin.subtree_com, r.model.body_rootid[body]) - pos
-    return into_frame(mat, wrench[:, :3] + jnp.cross(arm, wrench[:, 3:]))
+    return into_frame(mat, jax.vmap(wrench_from)(take(r.cfrc_int, body), arm)[:, :3])
 
 
 def actuatorfrc(r: Readings, g: Group) -> Float[Array, "n 1"]:

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import mujoco
 from jaxtyping import Array, Float
 
+from jaxsim.arrays.constants import MINVAL
 from jaxsim.arrays.indexing import take
 from jaxsim.sensor.groups import Group
 from jaxsim.sensor.limits import joint_limit, tendon_limit
@@ -14,8 +15,6 @@ from jaxsim.spatial import quat_conj, quat_mul, quat_normalize
 
 _BODY = int(mujoco.mjtObj.mjOBJ_BODY)
 _SITE = int(mujoco.mjtObj.mjOBJ_SITE)
-# Lighter bodies are felt at the centre of mass of their subtree (MuJoCo's mjMINVAL).
-_MIN_MASS = 1e-15
 
 
 def jointpos(r: Readings, g: Group) -> Float[Array, "n 1"]:
@@ -90,8 +89,8 @@ def insidesite(r: Readings, g: Group) -> Float[Array, "n 1"]:
     """1 if an object's position is inside a site's volume, else 0."""
     pos, _ = r.frame(g.objtype, g.obj)
     if g.objtype == _BODY:
-        light = take(r.model.body_mass, g.obj) < _MIN_MASS
-        heavy_below = take(r.model.body_subtreemass, g.obj) >= _MIN_MASS
+        light = take(r.model.body_mass, g.obj) < MINVAL
+        heavy_below = take(r.model.body_subtreemass, g.obj) >= MINVAL
         use_subtree = light & heavy_below & jnp.asarray(g.obj > 0)
         pos = jnp.where(use_subtree[:, None], take(r.signals.kin.subtree_com, g.obj), pos)
     origin, mat = r.frame(_SITE, g.ref)

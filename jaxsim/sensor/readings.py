@@ -14,7 +14,7 @@ from jaxsim.model import Model
 from jaxsim.quantities import body_forces
 from jaxsim.quantities.momentum import subtree_velocities
 from jaxsim.sensor.signals import Signals
-from jaxsim.spatial import Inertia, quat_mul
+from jaxsim.spatial import Inertia, acceleration_at, quat_mul, twist_at
 
 _BODY = int(mujoco.mjtObj.mjOBJ_BODY)
 _XBODY = int(mujoco.mjtObj.mjOBJ_XBODY)
@@ -86,29 +86,25 @@ class Readings:
 
     def velocity(self, objtype: int, ids: np.ndarray) -> Float[Array, "n 6"]:
         """Twists of objects about their own positions, world axes."""
-        return self._at_objects(self.cvel, objtype, ids)
+        body = self.body(objtype, ids)
+        return jax.vmap(twist_at)(take(self.cvel, body), self._arm(objtype, ids, body))
 
     def acceleration(self, objtype: int, ids: np.ndarray) -> Float[Array, "n 6"]:
         """Angular and linear acceleration of objects relative to free fall, world axes.
 
-        The linear part is that of the material point, hence the centripetal term
-        `omega x v` on top of the spatial acceleration. Zero for objects that no joint moves, as
-        in MuJoCo: a sensor bolted to the world does not feel gravity.
+        Zero for objects that no joint moves, as in MuJoCo: a sensor bolted to the world does not
+        feel gravity.
         """
-        spatial = self._at_objects(self.cacc, objtype, ids)
-        twist = self.velocity(objtype, ids)
-        linear = spatial[:, 3:] + jnp.cross(twist[:, :3], twist[:, 3:])
-        moving = jnp.asarray(self.model.body_link[self.body(objtype, ids)] >= 0)[:, None]
-        return jnp.where(moving, jnp.concatenate([spatial[:, :3], linear], axis=1), 0)
-
-    def _at_objects(self, motion, objtype: int, ids: np.ndarray):
-        """Twists about `tree_com` of the objects' bodies, moved to the objects."""
         body = self.body(objtype, ids)
-        root = self.model.body_rootid[body]
-        motion = take(motion, body)
-        arm = self.frame(objtype, ids)[0] - take(self.signals.kin.subtree_com, root)
-        linear = motion[:, 3:] + jnp.cross(motion[:, :3], arm)
-        return jnp.concatenate([motion[:, :3], linear], axis=1)
+        each = jax.vmap(acceleration_at)(
+            take(self.cacc, body), take(self.cvel, body), self._arm(objtype, ids, body)
+        )
+        return jnp.where(self.model.body_link[body][:, None] >= 0, each, 0)
+
+    def _arm(self, objtype: int, ids: np.ndarray, body: np.ndarray) -> Float[Array, "n 3"]:
+        """Objects as seen from `tree_com` of their bodies."""
+        com = take(self.signals.kin.subtree_com, self.model.body_rootid[body])
+        return self.frame(objtype, ids)[0] - com
 
 
 def into_frame(mat: Float[Array, "n 3 3"], v: Float[Array, "n 3"]) -> Float[Array, "n 3"]:

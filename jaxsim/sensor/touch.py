@@ -6,8 +6,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsim.arrays.indexing import sum_by, take
-from jaxsim.forces.external import geom_body
+from jaxsim.arrays.indexing import gather, sum_by, take
 from jaxsim.sensor.groups import Group
 from jaxsim.sensor.readings import Readings
 from jaxsim.sensor.shapes import ray_hits
@@ -48,7 +47,7 @@ def _pairs(r: Readings, g: Group) -> tuple[np.ndarray, np.ndarray, Float[Array, 
     n, m = len(g), len(contact.pos)
     sensor, slot = (a.ravel() for a in np.indices((n, m)))
     body = r.model.site_bodyid[g.obj][sensor]
-    body1, body2 = (geom_body(r.model, x)[slot] for x in (contact.geom1, contact.geom2))
+    body1, body2 = (gather(r.model.geom_bodyid, x)[slot] for x in (contact.geom1, contact.geom2))
     static = isinstance(body1, np.ndarray) and isinstance(body2, np.ndarray)
     where = np.where if static else jnp.where
     sign = where(body2 == body, -1.0, where(body1 == body, 1.0, 0.0))

@@ -1,5 +1,6 @@
 """Sensors that need velocities. Each returns (n, dim) readings of one group."""
 
+import jax
 import jax.numpy as jnp
 import mujoco
 from jaxtyping import Array, Float
@@ -8,6 +9,7 @@ from jaxsim.arrays.indexing import take
 from jaxsim.sensor.groups import Group
 from jaxsim.sensor.limits import joint_limit, tendon_limit
 from jaxsim.sensor.readings import Readings, into_frame
+from jaxsim.spatial import twist_at
 
 _SITE = int(mujoco.mjtObj.mjOBJ_SITE)
 
@@ -59,9 +61,8 @@ def framelinvel(r: Readings, g: Group) -> Float[Array, "n 3"]:
         return linear
     pos, _ = r.frame(g.objtype, g.obj)
     origin, mat = r.frame(g.reftype, g.ref)
-    reference = r.velocity(g.reftype, g.ref)
-    carried = reference[:, 3:] + jnp.cross(reference[:, :3], pos - origin)
-    return into_frame(mat, linear - carried)
+    carried = jax.vmap(twist_at)(r.velocity(g.reftype, g.ref), pos - origin)
+    return into_frame(mat, linear - carried[:, 3:])
 
 
 def frameangvel(r: Readings, g: Group) -> Float[Array, "n 3"]:

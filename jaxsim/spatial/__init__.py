@@ -57,6 +57,7 @@ from jaxsim.spatial.quaternion import (
 )
 from jaxsim.spatial.so3 import skew, so3_exp, so3_log, unskew
 from jaxsim.spatial.twist import (
+    acceleration_at,
     ad,
     adjoint,
     body_twist,
@@ -67,11 +68,14 @@ from jaxsim.spatial.twist import (
     power,
     spatial_twist,
     spatial_wrench,
+    twist_at,
+    wrench_from,
 )
 
 __all__ = [
     "Inertia",
     "Pose",
+    "acceleration_at",
     "ad",
     "adjoint",
     "body_twist",
@@ -101,5 +105,7 @@ __all__ = [
     "so3_log",
     "spatial_twist",
     "spatial_wrench",
+    "twist_at",
     "unskew",
+    "wrench_from",
 ]

@@ -13,10 +13,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxsim.arrays.constants import MINVAL
 from jaxsim.arrays.series import cos_half, horner, sinc_half
 
-# Below this norm a quaternion has no direction worth keeping (MuJoCo's mjMINVAL).
-_MIN_NORM = 1e-15
 # Below this squared tangent of the half angle, the logarithm uses the series of atan(t) / t.
 _SMALL_TANGENT_SQ = 1e-2
 _ARCTANGENT = (1.0, -1 / 3, 1 / 5, -1 / 7, 1 / 9, -1 / 11, 1 / 13, -1 / 15)
@@ -58,7 +57,7 @@ def quat_normalize(q: Float[Array, "4"]) -> Float[Array, "4"]:
     The same choice as MuJoCo's ``mju_normalize4``.
     """
     norm_sq = q @ q
-    vanishing = norm_sq < _MIN_NORM**2
+    vanishing = norm_sq < MINVAL**2
     norm = jnp.sqrt(jnp.where(vanishing, 1.0, norm_sq))
     return jnp.where(vanishing, jnp.eye(4, dtype=q.dtype)[0], q / norm)
 

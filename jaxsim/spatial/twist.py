@@ -75,6 +75,38 @@ def body_wrench(X: Pose, F_spatial: Float[Array, "6"]) -> Float[Array, "6"]:
     return jnp.concatenate([quat_inv_rotate(X.quat, at_origin), quat_inv_rotate(X.quat, force)])
 
 
+def twist_at(V: Float[Array, "6"], arm: Float[Array, "3"]) -> Float[Array, "6"]:
+    """The same twist about the point at ``arm`` from the present one, ``(w, v + w x arm)``."""
+    w, v = V[:3], V[3:]
+    return jnp.concatenate([w, v + jnp.cross(w, arm)])
+
+
+def wrench_from(F: Float[Array, "6"], arm: Float[Array, "3"]) -> Float[Array, "6"]:
+    """The same wrench about the point from which ``arm`` leads to the present one.
+
+    ``(torque + arm x force, force)``, the transpose of :func:`twist_at`.
+    """
+    torque, force = F[:3], F[3:]
+    return jnp.concatenate([torque + jnp.cross(arm, force), force])
+
+
+def acceleration_at(
+    A: Float[Array, "6"], V: Float[Array, "6"], arm: Float[Array, "3"]
+) -> Float[Array, "6"]:
+    """Angular acceleration, and linear acceleration of a point that moves with the body.
+
+    ``(dw, a + dw x arm + w x v_point)``: the point's acceleration is not that of the twist at a
+    place fixed in space, which is the linear part of ``A`` (Featherstone 2008, section 2.11).
+
+    Args:
+        A: rate of the twist ``V``, ``(dw, a)``.
+        V: twist.
+        arm: the point, from the one that ``A`` and ``V`` are about.
+    """
+    moved, velocity = twist_at(A, arm), twist_at(V, arm)
+    return jnp.concatenate([moved[:3], moved[3:] + jnp.cross(V[:3], velocity[3:])])
+
+
 def cross_motion(V: Float[Array, "6"], W: Float[Array, "6"]) -> Float[Array, "6"]:
     """``ad(V) @ W``: rate of a twist ``W`` that is carried along by ``V``.
 
