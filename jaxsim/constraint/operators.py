@@ -37,7 +37,7 @@ from jaxsim.dynamics.rnea import tree_force
 from jaxsim.dynamics.tree import accumulate_outward
 from jaxsim.model import Model
 from jaxsim.model.topology import Forest
-from jaxsim.solver import pcg_solve
+from jaxsim.solver import LinearStatus, pcg_solve
 from jaxsim.solver.operator import Rows
 from jaxsim.spatial import Inertia
 
@@ -124,7 +124,7 @@ class TreeOperator:
         """The lifted `M^-1 r`."""
         return self._solve_with((), r)
 
-    def solve(self, curvatures: Rows, r: Float[Array, "nv"]) -> TreePoint:
+    def solve(self, curvatures: Rows, r: Float[Array, "nv"]) -> tuple[TreePoint, LinearStatus]:
         """The lifted `(M + J^T W J)^-1 r`."""
         if self.strategy == "articulated" or not r.size:  # LAPACK has no empty factor
             return self._solve_articulated(curvatures, r)
@@ -135,20 +135,21 @@ class TreeOperator:
         pushes = functools.reduce(jnp.logical_or, [jnp.any(W != 0) for W in coupled])
         return lax.cond(anywhere(pushes), solve, self._solve_articulated, curvatures, r)
 
-    def _solve_articulated(self, curvatures: Rows, r: Float[Array, "nv"]) -> TreePoint:
+    def _solve_articulated(self, curvatures: Rows, r) -> tuple[TreePoint, LinearStatus]:
         """Without the rows that couple, if there are any."""
         pairs = zip(self.jacobians, curvatures, strict=True)
-        return self._solve_with(((J, W) for J, W in pairs if not J.coupled), r)
+        return self._solve_with(((J, W) for J, W in pairs if not J.coupled), r), LinearStatus()
 
     def _solve_with(self, pairs: Iterable[tuple[Jacobian, Array]], r) -> TreePoint:
         """`_uncoupled` solved by articulated bodies."""
         matrix, diagonal = self._uncoupled(pairs)
         return self.lift_known(*articulated_solve(self.tree, self.cdof, matrix, diagonal, r))
 
-    def _solve_dense(self, curvatures: Rows, r: Float[Array, "nv"]) -> TreePoint:
-        return self.lift(cho_solve(cho_factor(self._hessian(curvatures), lower=True), r))
+    def _solve_dense(self, curvatures: Rows, r) -> tuple[TreePoint, LinearStatus]:
+        x = cho_solve(cho_factor(self._hessian(curvatures), lower=True), r)
+        return self.lift(x), LinearStatus()
 
-    def _solve_iteratively(self, curvatures: Rows, r: Float[Array, "nv"]) -> TreePoint:
+    def _solve_iteratively(self, curvatures: Rows, r) -> tuple[TreePoint, LinearStatus]:
         matrix, diagonal = self._uncoupled(zip(self.jacobians, curvatures, strict=True))
 
         def precondition(force):

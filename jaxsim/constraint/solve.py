@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import mujoco
 from flax import struct
 from jax import lax
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from jaxsim.collision import Contact
 from jaxsim.constraint.block import Block
@@ -18,7 +18,7 @@ from jaxsim.constraint.limit import limit_blocks
 from jaxsim.constraint.operators import from_compound_order, make_operator, to_compound_order
 from jaxsim.constraint.scene import Scene
 from jaxsim.model import Model, ModelError
-from jaxsim.solver import Operator, Problem, SolverStatus, attach_lifted, solve
+from jaxsim.solver import LinearStatus, Operator, Problem, SolverStatus, attach_lifted, solve
 
 _CONSTRAINT_OFF = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
 _CONTACT_OFF = mujoco.mjtDisableBit.mjDSBL_CONTACT
@@ -68,6 +68,7 @@ def constrained_acceleration(
     """Minimises `1/2 |a - qacc_smooth|_M^2 + s(J a - aref)`, `M qacc_smooth = qfrc_smooth`.
 
     The derivative is that of the exact minimum, whatever found it: see `jaxsim.solver.implicit`.
+    If what goes into the solve or comes out of it is not finite, the acceleration is NaN.
 
     Args:
       scene: model, position and velocity.
@@ -98,7 +99,8 @@ def constrained_acceleration(
     # `solve` stops derivatives; what comes before it need not take any either.
     found = with_few_contacts(minimise, *lax.stop_gradient((problem, operator)))
     y = attach_lifted(found.x, problem, operator, force)
-    return _outcome(scene, contact, blocks, operator, y, found.status)
+    found = _outcome(scene, contact, blocks, operator, y, found.status)
+    return _with_nan_unless(found.status.finite, found)
 
 
 def constrained_at(scene: Scene, contact: Contact, qacc: Float[Array, "nv"]) -> Constrained:
@@ -131,6 +133,15 @@ def _outcome(
         contact_force=contact_forces(contact, blocks, forces),
         status=status,
     )
+
+
+def _with_nan_unless(finite: Bool[Array, ""], found: Constrained) -> Constrained:
+    """The same, or NaN: the solver refuses steps that are not finite and ends where it stands.
+
+    Derivatives are those of `found`, as what is added has none.
+    """
+    nothing = jnp.where(finite, 0, jnp.nan).astype(found.qacc.dtype)
+    return found.replace(qacc=found.qacc + nothing, qfrc_constraint=found.qfrc_constraint + nothing)
 
 
 def choose_strategy(model: Model, blocks: list[Block]) -> str:
@@ -167,5 +178,7 @@ def _unconstrained_status(cost: Float[Array, ""]) -> SolverStatus:
         residual=zero,
         improvement=zero,
         cost=cost,
-        finite=jnp.ones((), bool),
+        finite=jnp.isfinite(cost),
+        converged=jnp.ones((), bool),
+        linear=LinearStatus(),
     )

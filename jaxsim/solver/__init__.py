@@ -4,7 +4,7 @@ from jaxsim.solver.elliptic_cone import EllipticCone
 from jaxsim.solver.huber import Huber
 from jaxsim.solver.implicit import attach, attach_lifted
 from jaxsim.solver.newton import Solution, SolverStatus, solve
-from jaxsim.solver.operator import Operator, weighed
+from jaxsim.solver.operator import LinearStatus, Operator, weighed
 from jaxsim.solver.pcg import hessian_product, pcg, pcg_solve
 from jaxsim.solver.problem import Kind, Problem
 from jaxsim.solver.pyramidal_cone import PyramidalCone
@@ -15,6 +15,7 @@ __all__ = [
     "EllipticCone",
     "Huber",
     "Kind",
+    "LinearStatus",
     "Operator",
     "Problem",
     "PyramidalCone",

@@ -77,7 +77,7 @@ def _solve(operator: Operator, curvatures: Rows, r: Float[Array, "nv"]) -> Float
     return lax.custom_linear_solve(
         lambda x: hessian_product(operator, curvatures, x),
         r,
-        lambda _, r: operator.vector(operator.solve(curvatures, r)),
+        lambda _, r: operator.vector(operator.solve(curvatures, r)[0]),
         symmetric=True,
     )
 

@@ -19,7 +19,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxsim.solver.line_search import line_search, make_line
-from jaxsim.solver.operator import Lifted, Operator
+from jaxsim.solver.operator import Lifted, LinearStatus, Operator
 from jaxsim.solver.problem import Problem
 
 
@@ -33,6 +33,8 @@ class SolverStatus:
         improvement: Decrease of the cost by the last step; infinite without a step.
         cost: Objective at the solution.
         finite: False if a step was refused because it was not finite.
+        converged: Whether the loop ended because it was done; False if its iterations ran out.
+        linear: How the linear solves of the steps went, all together.
     """
 
     iterations: Int[Array, ""]
@@ -40,6 +42,8 @@ class SolverStatus:
     improvement: Float[Array, ""]
     cost: Float[Array, ""]
     finite: Bool[Array, ""]
+    converged: Bool[Array, ""]
+    linear: LinearStatus
 
 
 @struct.dataclass
@@ -63,6 +67,7 @@ class _Iterate(NamedTuple):
     count: Int[Array, ""]
     finite: Bool[Array, ""]
     done: Bool[Array, ""]
+    linear: LinearStatus
 
 
 class _Search(NamedTuple):
@@ -122,6 +127,8 @@ def solve(
         improvement=state.improvement,
         cost=_cost(search, state.y),
         finite=state.finite,
+        converged=state.done & state.finite,
+        linear=state.linear,
     )
     return Solution(x=operator.vector(state.y), status=status)
 
@@ -142,9 +149,9 @@ def _start(search: _Search, x: Float[Array, "nv"] | None, iterations: int) -> Li
 def _run(search: _Search, y: Lifted, iterations: int) -> _Iterate:
     inf = jnp.full_like(search.scale, jnp.inf)
     no, yes = jnp.zeros((), bool), jnp.ones((), bool)
-    state = _Iterate(y, inf, inf, no, jnp.zeros((), jnp.int32), yes, no)
+    state = _Iterate(y, inf, inf, no, jnp.zeros((), jnp.int32), yes, no, LinearStatus())
     if iterations == 0 or search.force.size == 0:
-        return state
+        return state._replace(finite=jnp.isfinite(_norm(_residual(search, y))))
     if iterations == 1:
         return _step(search, state)
     return lax.while_loop(
@@ -161,7 +168,7 @@ def _step(search: _Search, state: _Iterate) -> _Iterate:
     # A step that still converges is told from rounding by the gradient, which it shrinks far more.
     over = over | (state.exhausted & (gradient > 0.5 * state.gradient))
     curvatures = problem.curvatures(operator.rows(state.y))
-    ys = operator.solve(curvatures, residual)
+    ys, linear = operator.solve(curvatures, residual)
     line = make_line(problem, operator, search.force, residual, state.y, ys)
     length = _norm(operator.vector(ys))
     slope = search.tolerance * search.ls_tolerance * length / search.scale
@@ -180,6 +187,7 @@ def _step(search: _Search, state: _Iterate) -> _Iterate:
         count=state.count + moved,
         finite=finite,
         done=~moved | small | line.is_quadratic(),
+        linear=state.linear.then(linear),
     )
 
 

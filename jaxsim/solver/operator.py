@@ -10,15 +10,32 @@ An operator is itself a pytree, its numbers are leaves: `implicit.attach` differ
 respect to them.
 """
 
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
-from jaxtyping import Array, Float
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
 
 Rows = tuple[Array, ...]
 """One array per block of constraint rows."""
 
 Lifted = Any
 """A pytree of arrays, linear in the point x that it stands for."""
+
+
+class LinearStatus(NamedTuple):
+    """How linear solves went. The defaults are those of a direct solve.
+
+    Attributes:
+        iterations: Iterations of conjugate gradients.
+        converged: False if they ran out, or met what is not positive definite or not finite.
+    """
+
+    iterations: Int[Array, ""] | np.int32 = np.int32(0)
+    converged: Bool[Array, ""] | np.bool_ = np.bool_(True)
+
+    def then(self, later: "LinearStatus") -> "LinearStatus":
+        """The status of these solves and later ones together."""
+        return LinearStatus(self.iterations + later.iterations, self.converged & later.converged)
 
 
 class Operator(Protocol):
@@ -48,8 +65,8 @@ class Operator(Protocol):
         """The lifted `M^-1 r`."""
         ...
 
-    def solve(self, curvatures: Rows, r: Float[Array, "nv"]) -> Lifted:
-        """The lifted solution of `(M + J^T W J) s = r`.
+    def solve(self, curvatures: Rows, r: Float[Array, "nv"]) -> tuple[Lifted, LinearStatus]:
+        """The lifted solution of `(M + J^T W J) s = r`, and how it was found.
 
         W is diagonal in blocks whose curvature has the shape of `aref`, block diagonal in those
         of shape (n, d, d). The result must be linear in r; nobody differentiates it.

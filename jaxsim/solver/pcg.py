@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
-from jaxsim.solver.operator import Lifted, Operator, Rows
+from jaxsim.solver.operator import Lifted, LinearStatus, Operator, Rows
 
 LinearMap = Callable[[Array], Array]
 
@@ -31,7 +31,7 @@ def pcg(
     b: Float[Array, "nv"],
     tolerance: float | Float[Array, ""],
     iterations: int,
-) -> Float[Array, "nv"]:
+) -> tuple[Float[Array, "nv"], LinearStatus]:
     """Solves `A x = b` for a symmetric positive definite A.
 
     Args:
@@ -42,27 +42,31 @@ def pcg(
         iterations: Largest number of products.
 
     Returns:
-        The solution, linear in b up to the tolerance.
+        The solution, linear in b up to the tolerance, and whether it was reached.
     """
     z = precondition(b)
-    start = _State(jnp.zeros_like(b), b, z, b @ z, jnp.zeros((), int))
+    start = _State(jnp.zeros_like(b), b, z, b @ z, jnp.zeros((), jnp.int32))
     floor = (jnp.asarray(tolerance, b.dtype) ** 2) * start.energy
 
     def unfinished(state: _State) -> Array:
         return (state.count < iterations) & (state.energy > floor)
 
-    return lax.while_loop(unfinished, lambda s: _advance(product, precondition, s), start).x
+    end = lax.while_loop(unfinished, lambda s: _advance(product, precondition, s), start)
+    return end.x, LinearStatus(end.count, end.energy <= floor)
 
 
 def _advance(product: LinearMap, precondition: LinearMap, state: _State) -> _State:
-    """One iteration; an indefinite or non-finite product ends the loop where it stands."""
+    """One iteration; an indefinite or non-finite product ends the loop where it stands.
+
+    The energy is then NaN, which is neither above the tolerance nor below it.
+    """
     ap = product(state.direction)
     power = state.direction @ ap
     sound = (power > 0) & jnp.isfinite(power)
     alpha = jnp.where(sound, state.energy / jnp.where(sound, power, 1.0), 0.0)
     residual = state.residual - alpha * jnp.where(sound, ap, 0.0)
     z = precondition(residual)
-    energy = jnp.where(sound, residual @ z, 0.0)
+    energy = jnp.where(sound, residual @ z, jnp.nan)
     direction = z + energy / state.energy * state.direction
     return _State(state.x + alpha * state.direction, residual, direction, energy, state.count + 1)
 
@@ -89,7 +93,7 @@ def pcg_solve(
     precondition: LinearMap,
     tolerance: float | Float[Array, ""],
     iterations: int,
-) -> Lifted:
+) -> tuple[Lifted, LinearStatus]:
     """The lifted `(M + J^T W J)^-1 r`: an `Operator.solve` that forms no matrix.
 
     Args:
@@ -104,4 +108,5 @@ def pcg_solve(
     def product(x: Array) -> Array:
         return hessian_product(operator, curvatures, x)
 
-    return operator.lift(pcg(product, precondition, r, tolerance, iterations))
+    x, status = pcg(product, precondition, r, tolerance, iterations)
+    return operator.lift(x), status

@@ -4,7 +4,7 @@ from flax import struct
 from jax.scipy.linalg import cho_factor, cho_solve
 from jaxtyping import Array, Float
 
-from jaxsim.solver import weighed
+from jaxsim.solver import LinearStatus, weighed
 from jaxsim.solver.operator import Rows
 
 
@@ -69,9 +69,10 @@ class DenseOperator:
         """The lifted `M^-1 r`."""
         return self.lift(cho_solve(cho_factor(self.mass), r))
 
-    def solve(self, curvatures: Rows, r: Float[Array, "nv"]) -> DensePoint:
+    def solve(self, curvatures: Rows, r: Float[Array, "nv"]) -> tuple[DensePoint, LinearStatus]:
         """The lifted `(M + J^T W J)^-1 r`."""
-        return self.lift(cho_solve(cho_factor(self.hessian(curvatures), lower=True), r))
+        x = cho_solve(cho_factor(self.hessian(curvatures), lower=True), r)
+        return self.lift(x), LinearStatus()
 
 
 def _flat(J: Float[Array, "*rows nv"]) -> Float[Array, "m nv"]:

@@ -126,7 +126,7 @@ def test_the_unrolled_loop_has_the_same_derivative(theta, minimiser):
         y = operator.lift(x)
         rows = operator.rows(y)
         residual = force + operator.residual(y, problem.forces(rows))
-        return x + operator.solve(problem.curvatures(rows), residual).x
+        return x + operator.solve(problem.curvatures(rows), residual)[0].x
 
     advance = jax.jit(lambda x, dx: jax.jvp(iterate, (x, theta), (dx, step)))
     unrolled, slow = x + 1e-3, jnp.zeros_like(x)

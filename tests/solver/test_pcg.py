@@ -59,19 +59,44 @@ def test_derivatives(x64, random_case, solve_tight):
 def test_exact_after_as_many_products_as_unknowns(x64, size):
     factor = np.random.default_rng(0).normal(size=(size, size))
     A, b = jnp.asarray(factor @ factor.T + np.eye(size)), jnp.arange(1.0, size + 1)
-    x = pcg(lambda x: A @ x, lambda r: r, b, 0.0, size)
+    x, status = pcg(lambda x: A @ x, lambda r: r, b, 0.0, size)
+    assert status.iterations == size
     np.testing.assert_allclose(A @ x, b, atol=1e-10)
 
 
 def test_a_perfect_preconditioner_needs_one_product():
     A, b = jnp.diag(jnp.array([1.0, 10.0, 100.0])), jnp.ones(3)
-    x = pcg(lambda x: A @ x, lambda r: jnp.linalg.solve(A, r), b, 0.0, 1)
+    x, _ = pcg(lambda x: A @ x, lambda r: jnp.linalg.solve(A, r), b, 0.0, 1)
     np.testing.assert_allclose(A @ x, b, rtol=1e-6)
 
 
 def test_zero_and_broken_systems_stay_finite():
-    zero = pcg(lambda x: x, lambda r: r, jnp.zeros(3), 1e-6, 10)
-    indefinite = pcg(lambda x: -x, lambda r: r, jnp.ones(3), 1e-6, 10)
-    broken = pcg(lambda x: x * jnp.nan, lambda r: r, jnp.ones(3), 1e-6, 10)
+    zero, done = pcg(lambda x: x, lambda r: r, jnp.zeros(3), 1e-6, 10)
+    indefinite, negative = pcg(lambda x: -x, lambda r: r, jnp.ones(3), 1e-6, 10)
+    broken, not_finite = pcg(lambda x: x * jnp.nan, lambda r: r, jnp.ones(3), 1e-6, 10)
     for x in (zero, indefinite, broken):
         np.testing.assert_array_equal(x, 0)
+    assert done.converged
+    assert not negative.converged
+    assert not not_finite.converged
+
+
+def test_status_says_when_iterations_run_out(x64):
+    A, b = jnp.diag(jnp.arange(1.0, 7.0)), jnp.ones(6)
+    for allowed, converged in ((5, False), (6, True), (20, True)):
+        _, status = pcg(lambda x: A @ x, lambda r: r, b, 1e-12, allowed)
+        assert status.converged == converged
+        assert status.iterations == min(allowed, 6)
+
+
+def test_newton_counts_the_inner_iterations(x64, random_case, solve_tight):
+    problem, operator, force = random_case(1)
+    plenty = solve_tight(problem, matrix_free(operator), force).status
+    assert plenty.converged
+    assert plenty.linear.converged
+    assert plenty.linear.iterations > plenty.iterations
+    short = solve_tight(problem, matrix_free(operator), force, iterations=1).status
+    assert not short.converged
+    direct = solve_tight(problem, operator, force).status
+    assert direct.linear.iterations == 0
+    assert direct.linear.converged
