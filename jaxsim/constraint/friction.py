@@ -18,12 +18,13 @@ _FRICTION_OFF = mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS
 
 
 def friction_blocks(scene: Scene) -> list[Block]:
-    """Rows of the degrees of freedom and tendons that had dry friction when the model was built."""
+    """Rows of the degrees of freedom and tendons that may have dry friction."""
     model = scene.model
     if model.opt.disabled(_FRICTION_OFF):
         return []
     blocks = []
-    dofs, tendons = (np.array(ids, int) for ids in (model.friction_dofs, model.friction_tendons))
+    dofs = np.array(model.nonzero_rows("dof_frictionloss"), int)
+    tendons = np.array(model.nonzero_rows("tendon_frictionloss"), int)
     if len(dofs):
         rows = DofRows(jnp.ones(len(dofs), scene.qvel.dtype), _tree_dofs(model, dofs))
         parameters = (

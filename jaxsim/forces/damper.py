@@ -2,11 +2,13 @@
 
 import jax.numpy as jnp
 import mujoco
+import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsim.arrays.polynomial import damping_force, damping_slope
 from jaxsim.dynamics.reflected import dof_damping, tendon_damping
 from jaxsim.dynamics.tendon import tendon_force_on_joints, tendon_velocity
+from jaxsim.dynamics.transmission import TENDON
 from jaxsim.model import Model
 
 _DAMPER = mujoco.mjtDisableBit.mjDSBL_DAMPER
@@ -17,7 +19,7 @@ def qfrc_damper(model: Model, qvel: Float[Array, "nv"]) -> Float[Array, "nv"]:
     if model.opt.disabled(_DAMPER):
         return jnp.zeros_like(qvel)
     force = damping_force(*dof_damping(model), qvel)
-    if model.has_tendon_damping:
+    if has_tendon_damping(model):
         along = damping_force(*tendon_damping(model), tendon_velocity(model, qvel))
         force = force + tendon_force_on_joints(model, along)
     return force
@@ -35,3 +37,10 @@ def tendon_damping_slope(model: Model, qvel: Float[Array, "nv"]) -> Float[Array,
     if model.opt.disabled(_DAMPER):
         return jnp.zeros_like(model.tendon_damping)
     return damping_slope(*tendon_damping(model), tendon_velocity(model, qvel))
+
+
+def has_tendon_damping(model: Model) -> bool:
+    """Whether some tendon, or an actuator of one, may have damping."""
+    of_tendons = model.nonzero_rows("tendon_damping") + model.nonzero_rows("tendon_dampingpoly")
+    motors = model.nonzero_rows("actuator_damping") + model.nonzero_rows("actuator_dampingpoly")
+    return bool(of_tendons) or bool(np.any(model.actuator_trntype[motors,] == TENDON))

@@ -17,7 +17,7 @@ from jaxsim.dynamics.tendon import tendon_jacobian
 from jaxsim.dynamics.transmission import scalar_actuators, scalar_damping
 from jaxsim.dynamics.velocity import Velocities, velocities
 from jaxsim.forces.actuation import Actuation, disabled_actuators, gains
-from jaxsim.forces.damper import dof_damping_slope, tendon_damping_slope
+from jaxsim.forces.damper import dof_damping_slope, has_tendon_damping, tendon_damping_slope
 from jaxsim.forces.fluid import has_fluid, link_drag
 from jaxsim.model import Model
 
@@ -62,7 +62,7 @@ def smooth_damping(
         if _depends_on_velocity(model)[others].any():
             rows = actuation.transmission.rows
             dense = -(rows.T * slope[others][None]) @ rows
-    if model.has_tendon_damping:
+    if has_tendon_damping(model):
         J = tendon_jacobian(model)
         along = (J.T * tendon_damping_slope(model, qvel)[None]) @ J
         dense = along if dense is None else dense + along

@@ -63,7 +63,8 @@ def link_drag(model: Model, kin: Kinematics, vel: Velocities) -> Float[Array, "n
 def has_fluid(model: Model) -> bool:
     """Whether there is drag at all; it counts as a passive force, which two flags switch off."""
     off = model.opt.disabled(_SPRING) and model.opt.disabled(_DAMPER)
-    return bool(model.has_fluid) and not off
+    medium = model.nonzero_rows("opt.density") or model.nonzero_rows("opt.viscosity")
+    return bool(medium) and not off
 
 
 def _relative_twists(model: Model, kin: Kinematics, vel: Velocities) -> Float[Array, "nbody 6"]:

@@ -18,7 +18,8 @@ def qfrc_gravcomp(model: Model, kin: Kinematics) -> Float[Array, "nv"]:
     They are passive forces, or forces of the actuators where the joint says `actgravcomp`.
     Switching off both springs and dampers switches off every passive force, these too.
     """
-    if not model.has_gravcomp or (model.opt.disabled(_SPRING) and model.opt.disabled(_DAMPER)):
+    off = model.opt.disabled(_SPRING) and model.opt.disabled(_DAMPER)
+    if off or not model.nonzero_rows("body_gravcomp"):
         return jnp.zeros_like(model.dof_damping)
     weight = model.body_mass * model.body_gravcomp
     force = -weight[:, None] * gravity(model)[None]

@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 
-from jaxsim.io.features import features
 from jaxsim.io.frames import effective_frames
 from jaxsim.io.singular import check_mass_matrix
 from jaxsim.model.model import Model, Option, Statistic
@@ -42,7 +41,6 @@ def build(mj: mujoco.MjModel) -> Model:
         arrays={name: _static_array(mj, name) for name in ARRAYS},
         names=Names.from_mujoco(mj),
         source=copy.copy(mj),
-        **features(mj),
     )
     names = {f.name for f in dataclasses.fields(Model)} - _STATIC - {"opt", "stat"}
     leaves = {name: getattr(mj, name) for name in sorted(names)} | effective_frames(mj)
@@ -54,7 +52,7 @@ def build(mj: mujoco.MjModel) -> Model:
     )
     check_physics(model)
     check_mass_matrix(mj)
-    return model
+    return model.replace(**{name: getattr(model, name) for name in ("opt", *leaves)})
 
 
 def _leaf(value) -> Any:

@@ -5,12 +5,14 @@ and flags are static and live in `Structure`. Both have MuJoCo's names, shapes, 
 `model.body_mass` is a leaf, `model.jnt_type` is a numpy array.
 """
 
+import dataclasses
 from typing import TYPE_CHECKING, Any
 
 from flax import struct
 from jaxtyping import Array, Float
 
 from jaxsim.model.names import Names
+from jaxsim.model.presence import NOTHING, OPTIONAL_FORCES, Presence, extended
 from jaxsim.model.structure import Structure
 
 
@@ -65,12 +67,12 @@ class Model:
     poses changed. Every integer field of `mjModel` that the physics uses (`nq`, `jnt_type`,
     `geom_bodyid`, ...) is an attribute too and is static.
 
-    What the constraint solver works on is fixed when the model is built: which joints and tendons
-    have dry friction (`friction_dofs`, `friction_tendons`: those whose loss was positive), how it
-    solves with its Hessian (`hessian`), which law contacts follow (`contact`), and how many it
-    keeps (`max_contacts`, for each kind) of how many geom pairs (`max_geom_pairs`, for each pair of
-    shapes). The last four are arguments of `jaxsim.load`, and so is what Runge-Kutta averages of
-    rotations (`rotations`).
+    What the constraint solver works on is fixed when the model is built: how it solves with its
+    Hessian (`hessian`), which law contacts follow (`contact`), and how many it keeps
+    (`max_contacts`, for each kind) of how many geom pairs (`max_geom_pairs`, for each pair of
+    shapes). These are arguments of `jaxsim.load`, and so is what Runge-Kutta averages of rotations
+    (`rotations`). Forces that are zero, such as dry friction or drag, are left out of programs;
+    `replace` notes in `present` when they may be there, see `jaxsim.model.presence`.
     """
 
     structure: Structure = struct.field(pytree_node=False)
@@ -168,6 +170,11 @@ class Model:
     contact: str = struct.field(pytree_node=False, default="mujoco")
     max_contacts: int | tuple[int, ...] | None = struct.field(pytree_node=False, default=None)
     max_geom_pairs: int | None = struct.field(pytree_node=False, default=None)
+    present: Presence = struct.field(pytree_node=False, default=NOTHING)
+
+    def nonzero_rows(self, leaf: str) -> tuple[int, ...]:
+        """Rows of a leaf that may be other than zero, for a leaf of `presence.OPTIONAL_FORCES`."""
+        return self.present[OPTIONAL_FORCES.index(leaf)]
 
     @property
     def names(self) -> Names:
@@ -186,3 +193,13 @@ class Model:
     else:
 
         def __getattr__(self, name: str) -> Any: ...
+
+
+def _replace(self: Model, **updates: Any) -> Model:
+    """The model with other values of some fields."""
+    present = updates.pop("present", self.present)
+    return dataclasses.replace(self, **updates, present=extended(present, self, updates))
+
+
+# Flax gives each record a `replace`; that of a model also notes which forces it may have now.
+Model.replace = _replace
