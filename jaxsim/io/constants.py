@@ -65,8 +65,8 @@ def _subtree_masses(model: Model) -> Float[Array, "nbody"]:
 def _body_weights(model: Model, kin: Kinematics, inverse) -> Float[Array, "nbody 2"]:
     """Mean translational and rotational inverse inertia at the centre of mass.
 
-    MuJoCo takes the inverse mass for bodies that slide along their own axes only, whatever the
-    number of these axes.
+    For bodies that slide along their own axes only it is the inverse mass, whatever the number of
+    these axes.
     """
     J = body_jacobians(model, kin, kin.xipos)
     weights = jax.vmap(lambda rows: jnp.sum(rows * inverse(rows), axis=1))(J)
@@ -77,12 +77,18 @@ def _body_weights(model: Model, kin: Kinematics, inverse) -> Float[Array, "nbody
 
 
 def _dof_weights(model: Model, diagonal: Float[Array, "nv"]) -> Float[Array, "nv"]:
-    """Diagonal of the inverse mass matrix, averaged over each part of a joint's velocity."""
+    """Diagonal of the inverse mass matrix, averaged over each part of a joint's velocity.
+
+    For slides that move nothing but one body it is the inverse mass, whatever their armature.
+    """
     sizes = [size for kind in model.jnt_type for size in JOINTS[int(kind)].parts]
     groups = np.repeat(np.arange(len(sizes)), np.array(sizes, int))
     average = (groups[:, None] == groups[None, :]).astype(float)
     average /= average.sum(1, keepdims=True)
-    return jnp.asarray(average, diagonal.dtype) @ diagonal
+    body = model.jnt_bodyid[model.dof_jntid]
+    alone = model.body_simple[body] == _SLIDES_ONLY
+    mass = jnp.where(alone, take(model.body_mass, body), 1.0)
+    return jnp.where(alone, 1 / mass, jnp.asarray(average, diagonal.dtype) @ diagonal)
 
 
 def _equality_poses(model: Model, kin: Kinematics) -> Float[Array, "neq 12"]:
