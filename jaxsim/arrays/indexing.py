@@ -30,6 +30,16 @@ def gather(x: jax.Array | np.ndarray, index: Index) -> Any:
     return x[index] if isinstance(x, np.ndarray) else take(x, index)
 
 
+def gather_or_zero(x: jax.Array, index: Index) -> jax.Array:
+    """`x[index]`, and zero where the index is -1."""
+    if isinstance(index, np.ndarray) and (index >= 0).all():
+        return take(x, index)
+    padded = jnp.concatenate([x, jnp.zeros((1, *x.shape[1:]), x.dtype)])
+    if isinstance(index, np.ndarray):
+        return take(padded, np.where(index < 0, len(x), index))
+    return padded[index]
+
+
 def take(x: jax.Array, index: np.ndarray) -> jax.Array:
     """`x[index]` for a static index: slices where that is cheap, one gather otherwise."""
     index = np.asarray(index, int)

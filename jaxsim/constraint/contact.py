@@ -46,7 +46,7 @@ def _slots(contact: Contact, slots: slice) -> Contact:
 
 def _block(scene: Scene, contact: Contact, kind: ContactKind) -> Block:
     model = scene.model
-    bodies = [_lookup(model.geom_bodyid, geom) for geom in (contact.geom1, contact.geom2)]
+    bodies = [gather(model.geom_bodyid, geom) for geom in (contact.geom1, contact.geom2)]
     jacobian = _jacobian(scene, contact, kind, bodies)
     first, second = (gather(model.body_invweight0, body) for body in bodies)
     state = ContactState(
@@ -65,16 +65,11 @@ def _block(scene: Scene, contact: Contact, kind: ContactKind) -> Block:
 
 def _jacobian(scene: Scene, contact: Contact, kind: ContactKind, bodies) -> ContactRows:
     links = [
-        _lookup(scene.model.body_link, body) if movable else np.full(len(contact.dist), -1)
+        gather(scene.model.body_link, body) if movable else np.full(len(contact.dist), -1)
         for body, movable in zip(bodies, kind.movable, strict=True)
     ]
     arms = [_arms(scene, contact.pos, link) for link in links]
     return contact_rows(contact.frame, kind.condim, arms, links)
-
-
-def _lookup(table: np.ndarray, index: Index) -> Index:
-    """Static where the index is."""
-    return np.asarray(table)[index] if isinstance(index, np.ndarray) else jnp.asarray(table)[index]
 
 
 def _arms(scene: Scene, pos: Float[Array, "n 3"], link: Index) -> Float[Array, "n 3"]:

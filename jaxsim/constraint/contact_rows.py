@@ -15,6 +15,7 @@ from jaxsim.constraint.link_index import LinkIndex, add_at, gather, items, moves
 from jaxsim.dynamics.components import ALL, Components
 from jaxsim.model.compound import Compound
 from jaxsim.model.topology import Forest
+from jaxsim.spatial import twist_at, wrench_from
 
 
 @struct.dataclass
@@ -56,14 +57,14 @@ class ContactRows:
 
     def apply(self, x, a: Float[Array, "njnt 6"]) -> Float[Array, "n condim"]:
         """Relative accelerations `J x` from those of the links, `a`."""
-        parts = [s.sign * jax.vmap(_at_point)(gather(a, s.link), s.arm) for s in self.sides]
+        parts = [s.sign * jax.vmap(twist_at)(gather(a, s.link), s.arm) for s in self.sides]
         return jax.vmap(self._components)(self.frame, sum(parts[1:], parts[0]))
 
     def add_force(self, f: Float[Array, "n condim"], force, wrench: Float[Array, "njnt 6"]):
         """Wrenches on the links only."""
         pushes = jax.vmap(self._wrench)(self.frame, f)
         for s in self.sides:
-            wrench = add_at(wrench, s.link, s.sign * jax.vmap(_about_reference)(pushes, s.arm))
+            wrench = add_at(wrench, s.link, s.sign * jax.vmap(wrench_from)(pushes, s.arm))
         return force, wrench
 
     def add_curvature(self, W: Array, diagonal, matrix: Float[Array, "njnt 6 6"]):
@@ -105,7 +106,7 @@ class ContactRows:
 
     def _map(self, arm: Float[Array, "n 3"]) -> Float[Array, "n condim 6"]:
         """From a link's motion to the rows: the wrenches that the rows' unit forces are."""
-        about = jax.vmap(jax.vmap(_about_reference, in_axes=(0, None)))
+        about = jax.vmap(jax.vmap(wrench_from, in_axes=(0, None)))
         return about(jax.vmap(self._unit_wrenches)(self.frame), arm)
 
     def _components(self, frame, motion):
@@ -155,18 +156,6 @@ def contact_rows(frame, condim: int, arms, links) -> ContactRows:
     ]
     moving = [side for side in sides if side.link.may_move]
     return ContactRows(frame, tuple(moving or sides[1:]), condim)
-
-
-def _at_point(twist, arm):
-    """The motion of a link's point at `arm` from the reference point."""
-    omega, v = twist[:3], twist[3:]
-    return jnp.concatenate([omega, v + jnp.cross(omega, arm)])
-
-
-def _about_reference(wrench, arm):
-    """A wrench at the contact point, about the reference point."""
-    torque, force = wrench[:3], wrench[3:]
-    return jnp.concatenate([torque + jnp.cross(arm, force), force])
 
 
 def _shifted(stiffness, arm):

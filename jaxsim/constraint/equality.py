@@ -6,13 +6,14 @@ import mujoco
 import numpy as np
 
 from jaxsim.arrays.indexing import take
+from jaxsim.arrays.norms import safe_norm
 from jaxsim.constraint.block import Block, RowType
 from jaxsim.constraint.impedance import response
 from jaxsim.constraint.jacobian import DenseRows, link_rows
 from jaxsim.constraint.points import Ends, bias_acceleration, ends, twist_rows
 from jaxsim.constraint.scene import Scene
 from jaxsim.dynamics.tendon import tendon_jacobian, tendon_length
-from jaxsim.dynamics.velocity import to_tree_order
+from jaxsim.model.dof_order import to_tree_order
 from jaxsim.solver import Quadratic
 from jaxsim.spatial import quat_conj, quat_mul
 
@@ -132,7 +133,7 @@ def _block(scene: Scene, ids, jacobian, violation, bias, weight, type_: RowType)
     velocity = scene.velocity(jacobian)
 
     def one(solref, solimp, violation, velocity, weight):
-        r = response(model.opt, solref, solimp, _norm(violation))
+        r = response(model.opt, solref, solimp, safe_norm(violation))
         return r.reference(velocity, violation), r.regularisation(weight)
 
     inputs = take(model.eq_solref, ids), take(model.eq_solimp, ids), violation, velocity, weight
@@ -197,8 +198,3 @@ def _polynomial(scene: Scene, ids, value, J, weight, type_: RowType) -> Block:
     inputs = take(model.eq_solref, ids), take(model.eq_solimp, ids), violation, velocity, weights
     aref, R = jax.vmap(row)(*inputs)
     return Block(Quadratic(aref, 1 / R), jacobian, type_, tuple(ids.tolist()))
-
-
-def _norm(x):
-    square = jnp.sum(x * x)
-    return jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)

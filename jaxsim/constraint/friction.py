@@ -11,7 +11,7 @@ from jaxsim.constraint.impedance import response
 from jaxsim.constraint.jacobian import DenseRows, DofRows
 from jaxsim.constraint.scene import Scene
 from jaxsim.dynamics.tendon import tendon_jacobian
-from jaxsim.dynamics.velocity import to_tree_order
+from jaxsim.model.dof_order import to_tree_order
 from jaxsim.solver import Huber
 
 _FRICTION_OFF = mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS

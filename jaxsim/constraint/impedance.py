@@ -10,10 +10,9 @@ import mujoco
 from flax import struct
 from jaxtyping import Array, Bool, Float
 
+from jaxsim.arrays.constants import MAXIMP, MINIMP, MINVAL
 from jaxsim.model import Option
 
-# MuJoCo's mjMINIMP, mjMAXIMP, mjMINVAL.
-MIN_IMPEDANCE, MAX_IMPEDANCE, MIN_VALUE = 1e-4, 0.9999, 1e-15
 # What MuJoCo uses instead of a solref whose two numbers differ in sign.
 DEFAULT_SOLREF = (0.02, 1.0)
 
@@ -40,7 +39,7 @@ class Response:
 
     def regularisation(self, inverse_inertia: Float[Array, "..."]) -> Array:
         """`R = (1 - d) / d * A`."""
-        return jnp.maximum((1 - self.impedance) / self.impedance * inverse_inertia, MIN_VALUE)
+        return jnp.maximum((1 - self.impedance) / self.impedance * inverse_inertia, MINVAL)
 
 
 def response(
@@ -55,11 +54,11 @@ def response(
       violation: distance from the margin; a norm where several rows share one.
     """
     time, ratio = _reference(opt, solref)
-    dmax = jnp.clip(solimp[1], MIN_IMPEDANCE, MAX_IMPEDANCE)
+    dmax = jnp.clip(solimp[1], MINIMP, MAXIMP)
     standard = time > 0
     # Both branches are evaluated, so each gets harmless numbers where the other one is chosen.
     safe_time, safe_ratio = jnp.where(standard, time, 1.0), jnp.where(standard, ratio, 1.0)
-    spring = 1 / jnp.maximum(dmax**2 * safe_time**2 * safe_ratio**2, MIN_VALUE)
+    spring = 1 / jnp.maximum(dmax**2 * safe_time**2 * safe_ratio**2, MINVAL)
     return Response(
         stiffness=jnp.where(standard, spring, -time / dmax**2),
         damping=jnp.where(standard, 2 / (dmax * safe_time), -ratio / dmax),
@@ -77,11 +76,11 @@ def impedance(solimp: Float[Array, "5"], violation: Float[Array, ""]) -> Float[A
 
     They meet at `midpoint`.
     """
-    dmin = jnp.clip(solimp[0], MIN_IMPEDANCE, MAX_IMPEDANCE)
-    dmax = jnp.clip(solimp[1], MIN_IMPEDANCE, MAX_IMPEDANCE)
+    dmin = jnp.clip(solimp[0], MINIMP, MAXIMP)
+    dmax = jnp.clip(solimp[1], MINIMP, MAXIMP)
     width, power = solimp[2], jnp.maximum(solimp[4], 1.0)
-    middle = jnp.clip(solimp[3], MIN_IMPEDANCE, MAX_IMPEDANCE)
-    flat = width <= MIN_VALUE
+    middle = jnp.clip(solimp[3], MINIMP, MAXIMP)
+    flat = width <= MINVAL
     x = jnp.abs(violation) / jnp.where(flat, 1.0, width)
     inside = (x > 0) & (x < 1)
     x_safe = jnp.where(inside, x, 0.5)

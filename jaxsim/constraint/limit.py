@@ -11,10 +11,10 @@ from jaxsim.constraint.impedance import inverse_where, response
 from jaxsim.constraint.jacobian import DenseRows, DofRows
 from jaxsim.constraint.scene import Scene
 from jaxsim.dynamics.tendon import tendon_jacobian, tendon_length
-from jaxsim.dynamics.velocity import to_tree_order
 from jaxsim.joints import JOINTS
 from jaxsim.joints.grouping import alike, position_rows
 from jaxsim.model import Model
+from jaxsim.model.dof_order import to_tree_order
 from jaxsim.solver import Unilateral
 
 _LIMIT_OFF = mujoco.mjtDisableBit.mjDSBL_LIMIT

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, Shaped
 
-from jaxsim.arrays.indexing import sum_by, take
+from jaxsim.arrays.indexing import gather_or_zero, sum_by, take
 from jaxsim.model.topology import Forest
 
 # Up to so many pairs of a row and a link, a product with the matrix that is 1 where they belong
@@ -58,12 +58,8 @@ def items(x: Shaped[Array, "n ..."], index: Int[Array, "k"]) -> Shaped[Array, "k
 
 def gather(x: Float[Array, "njnt ..."], links: LinkIndex) -> Float[Array, "n ..."]:
     """The value of each row's link, zero for what does not move."""
-    if links.traced is not None:
-        return _padded(x)[links.traced]  # -1 is the row of zeros
-    index = np.array(links.static, int)
-    if (index >= 0).all():
-        return take(x, index)
-    return take(_padded(x), np.where(index < 0, len(x), index))
+    index = np.array(links.static, int) if links.traced is None else links.traced
+    return gather_or_zero(x, index)
 
 
 def add_at(total: Float[Array, "njnt ..."], links: LinkIndex, x, form: Callable = lambda x: x):
@@ -99,7 +95,3 @@ def moves(tree: Forest, links: LinkIndex, dtype) -> Float[Array, "n nv"]:
     if links.traced is None:
         return jnp.asarray(tree.moves[np.array(links.static, int)], dtype)
     return jnp.asarray(tree.moves, dtype)[links.traced]
-
-
-def _padded(x):
-    return jnp.concatenate([x, jnp.zeros_like(x[:1])])

@@ -36,6 +36,7 @@ from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.dynamics.rnea import tree_force
 from jaxsim.dynamics.tree import accumulate_outward
 from jaxsim.model import Model
+from jaxsim.model.dof_order import to_compound_order
 from jaxsim.model.topology import Forest
 from jaxsim.solver import LinearStatus, pcg_solve
 from jaxsim.solver.operator import Rows
@@ -197,16 +198,6 @@ def make_operator(
     occasional = coupled == {RowType.CONTACT}
     tree = compound.tree
     return TreeOperator(cdof, inertia, armature, tuple(jacobians), tree, strategy, occasional)
-
-
-def to_compound_order(model: Model, x: Float[Array, "nv ..."]) -> Float[Array, "nv ..."]:
-    """From MuJoCo's order of degrees of freedom to that of an operator."""
-    return take(x, model.structure.dof_order[model.structure.compound.dof])
-
-
-def from_compound_order(model: Model, x: Float[Array, "nv ..."]) -> Float[Array, "nv ..."]:
-    """From the order of an operator to MuJoCo's."""
-    return take(x, model.structure.compound.dof_position[model.structure.dof_position])
 
 
 def _dense_rows(J: Jacobian, D: Array, tree: Forest, cdof: Float[Array, "nv c"]) -> DenseRows:

@@ -7,8 +7,9 @@ import numpy as np
 from flax import struct
 from jaxtyping import Array, Float
 
-from jaxsim.arrays.indexing import take
+from jaxsim.arrays.indexing import gather_or_zero, take
 from jaxsim.constraint.scene import Scene
+from jaxsim.spatial import acceleration_at
 
 _SITE = int(mujoco.mjtObj.mjOBJ_SITE)
 
@@ -51,13 +52,13 @@ def ends(scene: Scene, ids: np.ndarray, anchor1: Array, anchor2: Array) -> Ends:
         pos.append(on_body)
         body.append(b)
         link.append(model.body_link[b])
-        omega.append(_of_links(scene.vel.cvel, link[-1])[:, :3])
+        omega.append(gather_or_zero(scene.vel.cvel, link[-1])[:, :3])
     return Ends(tuple(pos), tuple(omega), tuple(body), tuple(link))
 
 
 def twist_rows(scene: Scene, e: Ends, side: int, rotation: bool) -> Float[Array, "n d 6"]:
     """Maps from a link's twist to the velocity of its point, and to its angular velocity."""
-    arm = e.pos[side] - _of_links(scene.link_origins(), e.link[side])
+    arm = e.pos[side] - gather_or_zero(scene.link_origins(), e.link[side])
     return jax.vmap(lambda r: point_map(r, rotation))(arm)
 
 
@@ -75,17 +76,8 @@ def bias_acceleration(scene: Scene, e: Ends) -> Float[Array, "n 6"]:
     """`dJ/dt qvel` of the relative motion: linear of the points, then angular."""
     total = 0.0
     for side, sign in ((0, 1.0), (1, -1.0)):
-        arm = e.pos[side] - _of_links(scene.link_origins(), e.link[side])
-        a, v = (_of_links(x, e.link[side]) for x in (scene.vel.bias, scene.vel.cvel))
-        velocity = v[:, 3:] + jnp.cross(v[:, :3], arm)
-        linear = a[:, 3:] + jnp.cross(a[:, :3], arm) + jnp.cross(v[:, :3], velocity)
-        total = total + sign * jnp.concatenate([linear, a[:, :3]], axis=1)
+        arm = e.pos[side] - gather_or_zero(scene.link_origins(), e.link[side])
+        a, v = (gather_or_zero(x, e.link[side]) for x in (scene.vel.bias, scene.vel.cvel))
+        moved = jax.vmap(acceleration_at)(a, v, arm)
+        total = total + sign * jnp.concatenate([moved[:, 3:], moved[:, :3]], axis=1)
     return total
-
-
-def _of_links(x: Array, link: np.ndarray) -> Array:
-    """Rows for links, zero for link -1."""
-    padded = jnp.concatenate(
-        [x, jnp.zeros_like(x[:1]) if len(x) else jnp.zeros((1, *x.shape[1:]), x.dtype)]
-    )
-    return take(padded, np.where(link < 0, len(x), link))

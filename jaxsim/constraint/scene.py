@@ -5,8 +5,9 @@ from jaxtyping import Array, Float
 
 from jaxsim.arrays.indexing import take
 from jaxsim.dynamics.kinematics import Kinematics
-from jaxsim.dynamics.velocity import Velocities, to_tree_order
+from jaxsim.dynamics.velocity import Velocities
 from jaxsim.model import Model
+from jaxsim.model.dof_order import to_tree_order
 
 
 @struct.dataclass

@@ -15,9 +15,10 @@ from jaxsim.constraint.equality import equality_blocks
 from jaxsim.constraint.few import with_few_contacts
 from jaxsim.constraint.friction import friction_blocks
 from jaxsim.constraint.limit import limit_blocks
-from jaxsim.constraint.operators import from_compound_order, make_operator, to_compound_order
+from jaxsim.constraint.operators import make_operator
 from jaxsim.constraint.scene import Scene
 from jaxsim.model import Model, ModelError
+from jaxsim.model.dof_order import from_compound_order, to_compound_order
 from jaxsim.solver import LinearStatus, Operator, Problem, SolverStatus, attach_lifted, solve
 
 _CONSTRAINT_OFF = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT

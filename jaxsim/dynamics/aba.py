@@ -14,8 +14,9 @@ from jaxsim.dynamics.kinematics import Kinematics, kinematics
 from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.dynamics.rnea import qfrc_bias
 from jaxsim.dynamics.tree import inward, outward
-from jaxsim.dynamics.velocity import from_tree_order, to_tree_order, velocities
+from jaxsim.dynamics.velocity import velocities
 from jaxsim.model import Model
+from jaxsim.model.dof_order import from_tree_order, to_tree_order
 from jaxsim.model.topology import Forest
 
 

@@ -14,9 +14,10 @@ from jaxtyping import Array, Float
 from jaxsim.arrays.indexing import take
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.tree import accumulate_inward
-from jaxsim.dynamics.velocity import Velocities, from_tree_order
+from jaxsim.dynamics.velocity import Velocities
 from jaxsim.joints.grouping import turning
 from jaxsim.model import Model
+from jaxsim.model.dof_order import from_tree_order
 from jaxsim.spatial import Inertia, ad, cross_motion, skew
 
 

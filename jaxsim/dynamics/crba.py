@@ -13,8 +13,8 @@ from jaxsim.arrays.precision import full_precision
 from jaxsim.dynamics.kinematics import Kinematics, kinematics
 from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.dynamics.tree import inward
-from jaxsim.dynamics.velocity import from_tree_order, to_tree_order
 from jaxsim.model import Model
+from jaxsim.model.dof_order import from_tree_order, to_tree_order
 from jaxsim.model.topology import Forest
 
 

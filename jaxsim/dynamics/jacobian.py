@@ -10,8 +10,9 @@ from jaxtyping import Array, Float
 
 from jaxsim.arrays.indexing import take
 from jaxsim.dynamics.kinematics import Kinematics
-from jaxsim.dynamics.velocity import Velocities, from_tree_order
+from jaxsim.dynamics.velocity import Velocities
 from jaxsim.model import Model
+from jaxsim.model.dof_order import from_tree_order
 from jaxsim.spatial import acceleration_at, twist_at
 
 

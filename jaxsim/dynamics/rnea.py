@@ -15,8 +15,9 @@ from jaxsim.arrays.precision import full_precision
 from jaxsim.dynamics.kinematics import Kinematics, kinematics
 from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.dynamics.tree import accumulate_inward, accumulate_outward
-from jaxsim.dynamics.velocity import Velocities, from_tree_order, to_tree_order, velocities
+from jaxsim.dynamics.velocity import Velocities, velocities
 from jaxsim.model import Model
+from jaxsim.model.dof_order import from_tree_order, to_tree_order
 from jaxsim.model.topology import Forest
 from jaxsim.spatial import Inertia, cross_force, wrench_from
 

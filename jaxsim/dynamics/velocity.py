@@ -6,11 +6,12 @@ import numpy as np
 from flax import struct
 from jaxtyping import Array, Float
 
-from jaxsim.arrays.indexing import sum_by, take
+from jaxsim.arrays.indexing import gather_or_zero, sum_by, take
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.tree import outward
 from jaxsim.joints.grouping import turning
 from jaxsim.model import Model
+from jaxsim.model.dof_order import to_tree_order
 from jaxsim.spatial import cross_motion, twist_at
 
 
@@ -74,15 +75,4 @@ def body_twists(
     twist = take(link_twist, link[moving])
     arm = take(point, moving) - take(take(kin.origin, model.tree.root), link[moving])
     moved = jax.vmap(twist_at)(twist, arm)
-    rows = np.where(link >= 0, np.cumsum(link >= 0) - 1, len(moving))
-    return take(jnp.concatenate([moved, jnp.zeros((1, 6), moved.dtype)]), rows)
-
-
-def to_tree_order(model: Model, x: Float[Array, "nv ..."]) -> Float[Array, "nv ..."]:
-    """From MuJoCo's order of degrees of freedom to tree order."""
-    return take(x, model.structure.dof_order)
-
-
-def from_tree_order(model: Model, x: Float[Array, "nv ..."]) -> Float[Array, "nv ..."]:
-    """From tree order to MuJoCo's order of degrees of freedom."""
-    return take(x, model.structure.dof_position)
+    return gather_or_zero(moved, np.where(link >= 0, np.cumsum(link >= 0) - 1, -1))

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import mujoco
 from jaxtyping import Array, Float
 
-from jaxsim.arrays.norms import safe_norm
+from jaxsim.arrays.norms import norm_and_divisor
 from jaxsim.arrays.series import cotangent_defect
 from jaxsim.joints.joint import Joint
 from jaxsim.spatial import (
@@ -66,9 +66,8 @@ def torque(q: Float[Array, "4"], gear: Float[Array, "3"], in_parent: bool) -> Fl
 def _limit(q: Float[Array, "4"], bounds: Float[Array, "2"]):
     """The angle of the rotation has an upper limit; its derivative is zero at the identity."""
     turn = quat_log(q)
-    angle = safe_norm(turn)
-    gradient = turn / jnp.where(angle > 0, angle, 1.0)
-    return jnp.full_like(angle, jnp.inf), jnp.max(bounds) - angle, gradient
+    angle, divisor = norm_and_divisor(turn)
+    return jnp.full_like(angle, jnp.inf), jnp.max(bounds) - angle, turn / divisor
 
 
 BALL = Joint(

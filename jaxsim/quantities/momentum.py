@@ -8,8 +8,9 @@ from jaxsim.arrays.constants import MINVAL
 from jaxsim.arrays.indexing import take
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.tree import accumulate_inward, inward
-from jaxsim.dynamics.velocity import Velocities, body_twists, from_tree_order
+from jaxsim.dynamics.velocity import Velocities, body_twists
 from jaxsim.model import Model
+from jaxsim.model.dof_order import from_tree_order
 from jaxsim.spatial import wrench_from
 
 

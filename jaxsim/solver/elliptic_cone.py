@@ -21,6 +21,8 @@ import jax.numpy as jnp
 from flax import struct
 from jaxtyping import Array, Bool, Float
 
+from jaxsim.arrays.norms import norm_and_divisor
+
 
 @struct.dataclass
 class EllipticCone:
@@ -72,9 +74,7 @@ class EllipticCone:
 def _tangent(friction: Float[Array, "d-1"], r: Float[Array, "d"]):
     """Length T and its gradient with respect to r[1:], zero where T is zero."""
     scaled = friction * r[1:]
-    square = jnp.sum(scaled * scaled)
-    safe = jnp.sqrt(jnp.where(square > 0, square, 1.0))
-    length = jnp.where(square > 0, safe, 0.0)
+    length, safe = norm_and_divisor(scaled)
     return length, safe, friction * scaled / safe
 
 

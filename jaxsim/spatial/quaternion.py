@@ -52,7 +52,7 @@ def quat_inv_rotate(q: Float[Array, "4"], v: Float[Array, "3"]) -> Float[Array, 
 
 
 def quat_normalize(q: Float[Array, "4"]) -> Float[Array, "4"]:
-    """Scale to norm one; the identity, with zero derivative, if the norm is below 1e-15.
+    """Scale to norm one; the identity, with zero derivative, if the norm is below `MINVAL`.
 
     The same choice as MuJoCo's ``mju_normalize4``.
     """

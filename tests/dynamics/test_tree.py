@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from oracle import quick_jit
 
-from jaxsim.arrays.indexing import sum_by, take
 from jaxsim.dynamics.tree import accumulate_inward, accumulate_outward, inward, outward
 from jaxsim.model.topology import MIN_SCAN, Forest
 
@@ -97,37 +96,6 @@ def test_long_chains_are_scanned_in_a_program_whose_size_does_not_grow():
 
     assert size(512) == size(2 * MIN_SCAN)
     assert [run.stop - run.start for run in Forest(_chain(40)).runs] == [40]
-
-
-@pytest.mark.parametrize(
-    "index",
-    [
-        [],
-        [0],
-        [3, 3, 3],
-        [0, 1, 2, 3, 4],
-        [2, 3, 4],
-        [4, 3, 2, 1, 0],
-        [0, 2, 3, 1],
-        list(range(5)) * 9,
-    ],
-)
-def test_take_is_indexing(index):
-    x = jnp.arange(10.0).reshape(5, 2)
-    np.testing.assert_array_equal(take(x, np.array(index, int)), x[np.array(index, int)])
-
-
-@pytest.mark.parametrize(
-    ("group", "n"),
-    [([], 3), ([0, 1, 2], 3), ([0, 0, 1, 1], 2), ([2, 0, 2, 0, 2], 4), ([1] * 12, 3), ([1, 0], 2)],
-)
-def test_sum_by_is_a_scatter(group, n, rng):
-    x = rng.normal(size=(len(group), 2))
-    expected = np.zeros((n, 2))
-    np.add.at(expected, np.array(group, int), x)
-    np.testing.assert_allclose(
-        sum_by(jnp.asarray(x), np.array(group, int), n), expected, atol=1e-12
-    )
 
 
 @pytest.mark.parametrize("name", ["binary", "scanned chain"])

@@ -7,11 +7,11 @@ import pytest
 from oracle import quick_jit
 from random_models import random_model
 
-from jaxsim.constraint.operators import from_compound_order, to_compound_order
 from jaxsim.dynamics.aba import articulated_solve
 from jaxsim.dynamics.kinematics import kinematics
 from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.io import load
+from jaxsim.model.dof_order import from_compound_order, to_compound_order
 
 SEVERAL = """
 <mujoco>

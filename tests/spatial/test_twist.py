@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose
 import jaxsim.spatial.twist
 from jaxsim.spatial import (
     Pose,
+    acceleration_at,
     ad,
     adjoint,
     body_twist,
@@ -23,6 +24,8 @@ from jaxsim.spatial import (
     se3_log,
     spatial_twist,
     spatial_wrench,
+    twist_at,
+    wrench_from,
 )
 
 
@@ -111,6 +114,33 @@ def test_twists_are_the_derivatives_of_the_pose(x64, rng):
     by_body = rate(lambda t: X @ se3_exp(t * V))
     by_space = rate(lambda t: se3_exp(t * spatial_twist(X, V)) @ X)
     assert_allclose(by_body, by_space, atol=1e-14)
+
+
+def test_moving_by_an_arm_is_a_change_of_frame_without_rotation(twists, vectors, precision):
+    arms = jnp.asarray(vectors, precision.dtype)
+
+    def sides(V, F, arm):
+        base = Pose(quat=jnp.eye(4, dtype=arm.dtype)[0], pos=-arm)
+        moved = twist_at(V, arm), wrench_from(F, arm)
+        return moved, (adjoint(base) @ V, coadjoint(base.inverse()) @ F)
+
+    moved, expected = jax.vmap(sides)(twists, twists[::-1], arms)
+    for a, b in zip(moved, expected, strict=True):
+        assert_allclose(a, b, rtol=0, atol=16 * precision.atol)
+
+
+def test_acceleration_of_a_point_is_the_rate_of_its_velocity(x64, rng):
+    """Of a body whose twist about a point fixed in space changes at a constant rate."""
+    V, A = jnp.asarray(rng.normal(size=(2, 6)))
+    arm = jnp.asarray(rng.normal(size=3))
+
+    def velocity(t, point):
+        return twist_at(V + t * A, point)[3:]
+
+    _, rate = jax.jvp(velocity, (0.0, arm), (1.0, velocity(0.0, arm)))
+    moved = acceleration_at(A, V, arm)
+    assert_allclose(moved[3:], rate, atol=1e-14)
+    assert_allclose(moved[:3], A[:3])
 
 
 def test_worked_example():

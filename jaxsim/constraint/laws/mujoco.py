@@ -8,7 +8,8 @@ how hard it is (MuJoCo documentation, chapter "Computation", sections "Constrain
 import jax.numpy as jnp
 import mujoco
 
-from jaxsim.constraint.impedance import MIN_VALUE, inverse_where, response
+from jaxsim.arrays.constants import MINVAL
+from jaxsim.constraint.impedance import inverse_where, response
 from jaxsim.constraint.laws.law import ContactState
 from jaxsim.model import Option
 from jaxsim.solver import EllipticCone, PyramidalCone, Unilateral
@@ -38,7 +39,7 @@ def _pyramidal(opt: Option, contact: ContactState) -> PyramidalCone:
     violation, velocity, friction = _of(contact)
     r = response(opt, contact.solref, contact.solimp, violation)
     active = violation < 0
-    mu = friction[0] / jnp.sqrt(jnp.maximum(opt.impratio, MIN_VALUE))
+    mu = friction[0] / jnp.sqrt(jnp.maximum(opt.impratio, MINVAL))
     weight = contact.inverse_weight * (1 + friction[0] * friction[0])
     R = 2 * mu * mu * r.regularisation(weight)
     aref = jnp.concatenate([r.reference(velocity[:1], violation), r.reference(velocity[1:], 0.0)])
@@ -58,7 +59,7 @@ def _elliptic(opt: Option, contact: ContactState) -> EllipticCone:
         [normal.reference(velocity[:1], violation), tangent.reference(velocity[1:], 0.0)]
     )
     R0 = normal.regularisation(contact.inverse_weight)
-    R1 = R0 / jnp.maximum(opt.impratio, MIN_VALUE)
+    R1 = R0 / jnp.maximum(opt.impratio, MINVAL)
     # friction[j]^2 R[j] is the same in all directions.
     R = jnp.concatenate([R0[None], R1 * (friction[:1] / friction) ** 2])
     return EllipticCone(
