@@ -37,7 +37,7 @@ _COTANGENT_DEFECT = (
 )
 
 
-def horner(coefficients: tuple[float, ...], x: Float[Array, ""]) -> Float[Array, ""]:
+def horner(coefficients: tuple[float, ...], x: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
     """Polynomial in ``x`` with the given coefficients, the constant first."""
     total = jnp.full_like(x, coefficients[-1])
     for coefficient in reversed(coefficients[:-1]):

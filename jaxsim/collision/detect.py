@@ -128,7 +128,7 @@ def _joined(parts: list[_Slots]) -> _Slots:
 _IDS = ("geom1", "geom2", "pair")
 
 
-def _join_ids(ids: list[Index]) -> Index:
+def _join_ids(ids: list[Int[Array, "_"] | np.ndarray]) -> Index:
     # Static ids stay static, so that the solver can choose its structure from them.
     static = all(isinstance(i, np.ndarray) for i in ids)
     return np.concatenate(ids) if static else jnp.concatenate(ids)

@@ -66,7 +66,7 @@ def response(
     )
 
 
-def inverse_where(active: Bool[Array, "*n"], R: Float[Array, "*n"]) -> Float[Array, "*n"]:
+def inverse_where(active: Bool[Array, "..."], R: Float[Array, "*n"]) -> Float[Array, "*n"]:
     """`1 / R` where active, else zero: the row then contributes nothing."""
     return jnp.where(active, 1 / jnp.where(active, R, 1.0), 0.0)
 

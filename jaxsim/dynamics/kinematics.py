@@ -55,7 +55,7 @@ def kinematics(
     Args:
       model: the model.
       qpos: coordinates; quaternions need not be normalised.
-      mocap_pos: positions of the mocap bodies; None where the model has none.
+      mocap_pos: positions of the mocap bodies; None for those of the model.
       mocap_quat: orientations of the mocap bodies.
       links: `link_parameters(model)`, where it is known already.
     """
@@ -102,8 +102,11 @@ def _base_poses(model: Model, mocap_pos, mocap_quat) -> Pose:
     """(1 + nmocap,) poses of what does not move by joints: the world, then mocap bodies."""
     world = Pose.identity(model.body_pos.dtype)
     base = jax.tree.map(lambda a: a[None], world)
-    if model.nmocap == 0 or mocap_pos is None:
+    if model.nmocap == 0:
         return base
+    if mocap_pos is None or mocap_quat is None:
+        bodies = model.structure.mocap_bodies
+        mocap_pos, mocap_quat = model.body_pos[bodies], model.body_quat[bodies]
     mocap = Pose(quat=jax.vmap(quat_normalize)(mocap_quat), pos=mocap_pos)
     return jax.tree.map(lambda a, b: jnp.concatenate([a, b]), base, mocap)
 

@@ -26,7 +26,7 @@ _GRAVITY_OFF = mujoco.mjtDisableBit.mjDSBL_GRAVITY
 
 @full_precision
 def inverse_dynamics(
-    model: Model, qpos: Float[Array, "nv"], qvel: Float[Array, "nv"], qacc: Float[Array, "nv"]
+    model: Model, qpos: Float[Array, "nq"], qvel: Float[Array, "nv"], qacc: Float[Array, "nv"]
 ) -> Float[Array, "nv"]:
     """Generalised forces of a motion, `M qacc + qfrc_bias`, without constraints.
 
@@ -94,9 +94,9 @@ def generalized_force(
 
 
 def tree_force(
-    tree: Forest, cdof: Float[Array, "nv 6"], link_wrench: Float[Array, "njnt 6"]
+    tree: Forest, cdof: Float[Array, "nv k"], link_wrench: Float[Array, "njnt k"]
 ) -> Float[Array, "nv"]:
-    """`generalized_force` in tree order."""
+    """`generalized_force` in tree order; k is 6, or 3 in a plane."""
     total = accumulate_inward(tree, link_wrench)
     return (cdof * take(total, tree.dof_node)).sum(1)
 

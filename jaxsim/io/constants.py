@@ -40,8 +40,7 @@ def set_const(model: Model) -> Model:
     Returns:
       The model with consistent constants.
     """
-    mocap = [list(model.body_mocapid).index(m) for m in range(model.nmocap)]
-    kin = kinematics(model, model.qpos0, model.body_pos[mocap,], model.body_quat[mocap,])
+    kin = kinematics(model, model.qpos0)
     mass = composite_mass_matrix(model, kin)
     inverse = jax.vmap(lambda force: solve_mass(model, kin, force))
     model = model.replace(

@@ -53,7 +53,7 @@ def make_state(model: Model, keyframe: int | str | None = None) -> State:
       TypeError: the keyframe is neither an index nor a name.
     """
     dtype = model.qpos0.dtype
-    bodies = jnp.asarray(_mocap_bodies(model), int)
+    bodies = model.structure.mocap_bodies
     state = State(
         qpos=jnp.asarray(model.qpos0),
         qvel=jnp.zeros(model.nv, dtype),
@@ -76,11 +76,6 @@ def make_state(model: Model, keyframe: int | str | None = None) -> State:
         mocap_pos=model.key_mpos[k].reshape(-1, 3),
         mocap_quat=model.key_mquat[k].reshape(-1, 4),
     )
-
-
-def _mocap_bodies(model: Model) -> list[int]:
-    by_id = {int(m): b for b, m in enumerate(model.body_mocapid) if m >= 0}
-    return [by_id[m] for m in range(model.nmocap)]
 
 
 def _keyframe_index(model: Model, keyframe: int | str) -> int:

@@ -97,6 +97,12 @@ class Structure:
         return Forest(parent)
 
     @functools.cached_property
+    def mocap_bodies(self) -> np.ndarray:
+        """(nmocap,) the bodies that a user moves."""
+        bodies = np.flatnonzero(self.body_mocapid >= 0)
+        return bodies[np.argsort(self.body_mocapid[bodies])]
+
+    @functools.cached_property
     def weld_tree(self) -> Forest:
         """Bodies cut at joints and mocap bodies: what is left moves rigidly with its root."""
         parent = np.asarray(self.body_parentid, int).copy()

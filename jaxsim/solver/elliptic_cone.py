@@ -71,7 +71,7 @@ class EllipticCone:
         return jax.vmap(function)(self.D, self.mu, self.friction, *rows)
 
 
-def _tangent(friction: Float[Array, "d-1"], r: Float[Array, "d"]):
+def _tangent(friction: Float[Array, "m"], r: Float[Array, "d"]):
     """Length T and its gradient with respect to r[1:], zero where T is zero."""
     scaled = friction * r[1:]
     length, safe = norm_and_divisor(scaled)

@@ -1,6 +1,7 @@
 """Every model of other packages: one instant at random states, stage by stage."""
 
 import jax
+import jax.numpy as jnp
 import mujoco
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from assets import UNSUPPORTED, asset_files
 from oracle import MATRICES, POSITIONS, assert_close, at, oracle_stages, quick_jit
 from random_models import binary_tree, chain, forest, random_model, random_states, star
 
+import jaxsim
 from jaxsim.dynamics.aba import solve_mass
 from jaxsim.dynamics.crba import composite_mass_matrix
 from jaxsim.dynamics.kinematics import kinematics
@@ -132,3 +134,14 @@ def _stages(model, qpos, qvel, qfrc_smooth):
         "subtree_linvel": linvel,
         "subtree_angmom": angmom,
     }
+
+
+def test_mocap_bodies_stand_where_the_model_has_them(x64):
+    """What takes `qpos` alone, of a slide along an axis that a mocap body has turned."""
+    mj = mujoco.MjModel.from_xml_string("""
+      <mujoco><worldbody><body mocap="true" euler="90 0 0"><body><joint type="slide"/>
+        <geom size=".1"/></body></body></worldbody></mujoco>""")
+    model, zero = load(mj), jnp.zeros(1)
+    data = at(mj, np.zeros(1), np.zeros(1))
+    np.testing.assert_allclose(jaxsim.inverse_dynamics(model, zero, zero, zero), data.qfrc_bias)
+    np.testing.assert_allclose(jaxsim.mass_matrix(model, zero)[0], mj.body_mass[2], rtol=1e-12)
