@@ -20,7 +20,7 @@ def run(arguments: argparse.Namespace) -> int:
     except (rl.ConfigError, checkpoint.CheckpointError) as error:
         raise UsageError(error) from error
     keys = jax.random.split(jax.random.key(arguments.seed), arguments.episodes)
-    limit = settings["settings"]["evaluation_steps"]
+    limit = env.episode_limit or settings["settings"].get("evaluation_steps")
     result = jax.jit(lambda policy, keys: rl.evaluate(env, policy, keys, limit))(policy, keys)
     numbers = result.metrics()
     report(

@@ -95,6 +95,11 @@ class Env:
         return self.model.opt.timestep * self.frame_skip
 
     @property
+    def episode_limit(self) -> int | None:
+        """Steps after which an episode is cut at the latest; None where nothing cuts it."""
+        return None
+
+    @property
     def observation_size(self) -> int:
         """Length of `obs`."""
         return jax.eval_shape(self.reset, jax.random.key(0)).obs.shape[0]

@@ -10,6 +10,7 @@ from jaxtyping import Array, Float, Int
 
 from jaxsim.batching import vmap
 from jaxsim.envs import Env
+from jaxsim.envs.diverged import diverged
 
 
 @struct.dataclass
@@ -34,7 +35,7 @@ class Evaluation:
         }
 
 
-def evaluate(env: Env, policy: Any, keys, max_steps: int) -> Evaluation:
+def evaluate(env: Env, policy: Any, keys, max_steps: int | None = None) -> Evaluation:
     """Run one episode for each key, all at the same time.
 
     The return of an episode counts up to and including the step that ends it, as an evaluation in
@@ -44,21 +45,23 @@ def evaluate(env: Env, policy: Any, keys, max_steps: int) -> Evaluation:
       env: the environment, without `AutoReset`.
       policy: function of a batch of observations.
       keys: one random key for each episode.
-      max_steps: episodes end here at the latest.
+      max_steps: episodes end here at the latest; by default at the environment's own limit, or
+        after 1000 steps where it has none.
     """
+    longest = max_steps or env.episode_limit or 1000
     state = vmap(env.reset)(keys)
 
     def unfinished(carry):
         _, alive, _, step = carry
-        return alive.any() & (step < max_steps)
+        return alive.any() & (step < longest)
 
     def body(carry):
         state, alive, result, step = carry
         after = vmap(env.step)(state, policy(state.obs))
-        # Only a diverged simulation gives no number; its episode ends without that reward.
-        reward = jnp.where(alive & jnp.isfinite(after.reward), after.reward, 0)
+        broken = jax.vmap(diverged)(after)  # such an episode ends without that reward
+        reward = jnp.where(alive & ~broken, after.reward, 0)
         result = Evaluation(result.returns + reward, result.lengths + alive)
-        over = after.terminated | after.truncated | ~jnp.isfinite(after.reward)
+        over = after.terminated | after.truncated | broken
         state = jax.tree.map(lambda new, old: _where(alive, new, old), after, state)
         return state, alive & ~over, result, step + 1
 

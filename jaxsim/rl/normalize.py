@@ -7,6 +7,8 @@ from jax import lax
 from jaxtyping import Array, Bool, Float
 
 LIMIT = 10.0  # standard deviations beyond which a normalised number is clipped
+PLAUSIBLE = 30.0  # standard deviations beyond which a sample says nothing about the deviation
+JUDGES = 1024  # samples that say what is plausible when nothing has been seen before
 
 
 @struct.dataclass
@@ -36,9 +38,12 @@ class RunningStatistics:
         Two sets are merged by Chan's formula: with d the difference of the means and w the
         fraction of the new samples, mean = m + w d and
         variance = (1 - w) v + w v_new + w (1 - w) d^2. Samples that are not finite count as the
-        present mean.
+        present mean, and those beyond what is plausible as the limit of it: one simulation that
+        goes wild must not blind the agent for good. Where everything grows, so does the limit.
         """
         samples = jnp.where(jnp.isfinite(samples), samples, self.mean[None])
+        low, high = lax.cond(self.count > 0, self._plausible, lambda: _typical(samples))
+        samples = jnp.clip(samples, low[None], high[None])
         count = jnp.asarray(samples.shape[0], self.count.dtype)
         mean = samples.mean(0)
         if axis_name is not None:
@@ -51,11 +56,24 @@ class RunningStatistics:
         merged = (1 - w) * self.variance + w * variance + w * (1 - w) * d**2
         return RunningStatistics(total, self.mean + w * d, merged)
 
+    def _plausible(self):
+        """Limits by what has been seen; within one unit of the mean everything is plausible."""
+        reach = 1 + PLAUSIBLE * jnp.sqrt(self.variance)
+        return self.mean - reach, self.mean + reach
+
     def normalize(self, x: Float[Array, "..."]) -> Float[Array, "..."]:
         """(x - mean) / std, clipped to +-10; a constant becomes 0."""
         std = jnp.sqrt(self.variance + 1e-6)
         mean, std = (jnp.broadcast_to(s, x.shape) for s in (self.mean, std))
         return jnp.clip((x - mean) / std, -LIMIT, LIMIT)
+
+
+def _typical(samples: Float[Array, "n ..."]):
+    """Limits by the samples themselves: by the distance from the median of three in four."""
+    some = samples[:: -(-samples.shape[0] // JUDGES)]
+    middle = jnp.median(some, axis=0)
+    reach = 1 + 3 * PLAUSIBLE * jnp.quantile(jnp.abs(some - middle[None]), 0.75, axis=0)
+    return middle - reach, middle + reach
 
 
 def discounted_returns(

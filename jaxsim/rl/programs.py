@@ -101,7 +101,8 @@ def _evaluate(env: Env, algorithm: Algorithm, seed: int, devices: int, learner) 
     config = algorithm.config
     episodes = -(-config.evaluation_episodes // devices) * devices
     keys = jax.random.split(jax.random.fold_in(jax.random.key(seed), 1), episodes)
-    result = evaluate(env, algorithm.policy(learner), _mine(keys, devices), config.evaluation_steps)
+    longest = env.episode_limit or config.evaluation_steps
+    result = evaluate(env, algorithm.policy(learner), _mine(keys, devices), longest)
     return lax.all_gather(result, AXIS, tiled=True)
 
 

@@ -29,7 +29,7 @@ def test_reset_and_step_are_those_of_the_environment(env):
     state, expected = env.step(state, action), inner.step(expected, action)
     np.testing.assert_array_equal(state.obs, expected.obs)
     assert state.reward == expected.reward
-    assert set(state.metrics) == {"distance"}
+    assert set(state.metrics) == {"distance", "nonfinite"}
 
 
 def test_keys_of_both_kinds_do(env):
@@ -89,6 +89,40 @@ def test_batch_of_brax_wrappers_is_that_of_brax_itself(env):
         )
         jax.tree.map(lambda x, y: np.testing.assert_allclose(x, y, rtol=1e-6), ours, theirs)
     assert batches[0].observation_size == 1
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("repeat", [1, 2])
+def test_a_limit_of_the_environment_is_a_cut_and_no_termination(repeat):
+    """Brax bootstraps the value there. Its own wrappers know only of their own count."""
+    training = pytest.importorskip("brax.envs.wrappers.training")
+    env = BraxEnv(jaxsim.envs.make("fast", max_episode_steps=4))
+    for wrap, steps in ((wrap_for_brax, 4), (training.wrap, 6)):
+        batch = wrap(env, episode_length=6, action_repeat=repeat)
+        state = batch.reset(jax.random.split(jax.random.PRNGKey(0), 2))
+        for count in range(1, 1 + steps // repeat):
+            state = batch.step(state, jnp.zeros((2, 1)))
+            ended = count == steps // repeat
+            np.testing.assert_array_equal(state.done, ended)
+            np.testing.assert_array_equal(state.info["truncation"], ended)
+        np.testing.assert_array_equal(state.obs, state.info["first_obs"])
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_the_end_of_a_task_is_a_termination():
+    pytest.importorskip("brax.envs.wrappers.training")
+    batch = wrap_for_brax(BraxEnv(jaxsim.envs.make("fast", max_episode_steps=100)), 100)
+    state = batch.reset(jax.random.split(jax.random.PRNGKey(0), 2))
+    while not state.done.any():
+        state = batch.step(state, jnp.ones((2, 1)))
+    np.testing.assert_array_equal(state.info["truncation"], 0)
+
+
+def test_what_diverges_ends_the_episode_and_goes_nowhere(env):
+    start = env.reset(jax.random.key(0))
+    after = env.step(start, jnp.array([jnp.nan]))
+    assert (after.done, after.reward, after.metrics["nonfinite"]) == (1, 0, 1)
+    np.testing.assert_array_equal(after.obs, start.obs)
 
 
 @pytest.mark.filterwarnings("ignore")

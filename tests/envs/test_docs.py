@@ -12,6 +12,8 @@ import pytest
 
 import jaxsim.envs
 from jaxsim.envs import registry
+from jaxsim.envs.bridges import spaces
+from jaxsim.envs.bridges.documented import documented
 from jaxsim.envs.describe import describe
 
 DOCS = pathlib.Path(__file__).parents[2] / "docs"
@@ -41,6 +43,13 @@ def test_documented_sizes_are_the_sizes(name):
     env = cls()
     shape = jax.eval_shape(env.reset, jax.random.key(0)).obs.shape
     assert describe(cls).sizes == {"observation": shape[0], "action": env.action_size}
+    known = documented(name, {})
+    if name == "quadruped":  # its actions are not the controls of its motors
+        assert known is None
+        return
+    assert known.observation_space == spaces.observation_space(env)
+    assert known.action_space == spaces.action_space(env)
+    assert known.dt == pytest.approx(float(env.dt))
 
 
 @pytest.mark.parametrize("name", BUNDLED)

@@ -1,5 +1,7 @@
 """`gymnasium.make("jaxsim/...")`: Gymnasium's own checks, and the rules of Stable-Baselines3."""
 
+import os
+import re
 import subprocess
 import sys
 
@@ -11,7 +13,8 @@ from gymnasium.utils.env_match import check_environments_match
 
 import jaxsim.envs
 from jaxsim.envs import registry
-from jaxsim.envs.bridges import batch, gymnasium_id, register_gymnasium, single
+from jaxsim.envs.bridges import gymnasium_id, register_gymnasium, single
+from jaxsim.envs.bridges.constant import Constant
 
 UNBOUNDED = "ignore:.*Box observation space m.*imum value is -?infinity.*:UserWarning"
 
@@ -43,13 +46,44 @@ def test_an_environment_of_ones_own_has_an_id_too(monkeypatch):
     env = gymnasium.make("jaxsim/MyFast-v0")
     env.reset(seed=0)
     assert [env.step([0.0])[3] for _ in range(3)] == [False, False, True]
+    jaxsim.envs.register("my_fast", jaxsim.envs.spec("fast").load(), max_episode_steps=2)
+    env = gymnasium.make("jaxsim/MyFast-v0")
+    env.reset(seed=0)
+    assert [env.step([0.0])[3] for _ in range(2)] == [False, True]
 
 
 def test_gymnasium_alone_finds_the_environments_by_module():
-    code = "import gymnasium; print(gymnasium.make('jaxsim.envs:jaxsim/Fast-v0').reset(seed=0)[0])"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    """Processes by fork, after the parent has made an environment to ask for its spaces."""
+    code = """if True:
+        import gymnasium
+        make = lambda: gymnasium.make("jaxsim.envs:jaxsim/Fast-v0")
+        envs = gymnasium.vector.AsyncVectorEnv([make, make], context="fork")
+        observations, _ = envs.reset(seed=0)
+        envs.close()
+        print(observations.tolist(), make().reset(seed=1)[0].tolist())
+    """
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("[")
+    both, second = re.findall(r"\[[^ ]*\]", done.stdout.replace(", ", ","))
+    assert both.endswith(f"{second}]")
+
+
+def test_a_process_forked_from_one_that_uses_jax_says_so():
+    """It would wait for ever: the threads of JAX are not there."""
+    env = gymnasium.make("jaxsim/Fast-v0")
+    env.reset(seed=0)
+    ear, mouth = os.pipe()
+    child = os.fork()
+    if child == 0:
+        try:
+            gymnasium.make("jaxsim/Fast-v0").reset(seed=0)
+        except RuntimeError as error:
+            os.write(mouth, str(error).encode())
+        finally:
+            os._exit(0)
+    os.waitpid(child, 0)
+    assert 'context="spawn" or "forkserver"' in os.read(ear, 10_000).decode()
+    env.reset(seed=0)  # here everything is as it was
 
 
 @pytest.mark.filterwarnings(UNBOUNDED)
@@ -146,10 +180,17 @@ def test_equal_environments_are_compiled_once(env):
     env.reset(seed=0)
     env.step([0.0])
     twin = gymnasium.make("jaxsim/Fast-v0")
-    before = single._compiled(batch.guarded_step)._cache_size()
     twin.reset(seed=1)
     twin.step([0.0])
-    assert single._compiled(batch.guarded_step)._cache_size() == before
+    program, _ = single._step(env.unwrapped._placed)
+    assert single._step(twin.unwrapped._placed)[0] is program
+    assert program._cache_size() == 1
+
+
+def test_another_model_is_another_program(env):
+    inner = env.unwrapped.env
+    heavy = inner.with_model(inner.model.replace(body_mass=2 * inner.model.body_mass))
+    assert single._step(Constant(heavy)) is not single._step(env.unwrapped._placed)
 
 
 def test_mistakes_are_named(env):

@@ -166,6 +166,35 @@ def test_results_are_the_users_to_keep_and_to_write():
     np.testing.assert_array_equal(envs.step(np.zeros((4, 1)))[0], copy)
 
 
+def test_states_stay_readable():
+    envs = make_vec()
+    envs.reset(seed=0)
+    before = envs.states
+    copy = np.array(before.obs)
+    envs.step(np.ones((4, 1)))
+    np.testing.assert_array_equal(before.obs, copy)
+    envs.reset(options={"reset_mask": np.array([True, False, False, False])})
+    np.testing.assert_array_equal(before.obs, copy)
+    assert np.all(envs.states.obs != copy)
+
+
+def test_no_limit_may_be_said_as_gymnasium_says_it():
+    for limit in ({"max_episode_steps": -1}, {}):
+        envs = gymnasium.make_vec("jaxsim/Fast-v0", num_envs=1, **limit)
+        envs.reset(seed=0)
+        cuts = [envs.step(np.zeros((1, 1)))[3][0] for _ in range(25)]
+        assert any(cuts) == (not limit)
+
+
+def test_another_model_can_take_its_place():
+    envs = make_vec()
+    start, _ = envs.reset(seed=0)
+    model = envs.env.model
+    slow = model.replace(opt=model.opt.replace(timestep=0.5 * model.opt.timestep))
+    envs.env = envs.env.with_model(slow)
+    np.testing.assert_allclose(envs.step(np.ones((4, 1)))[0], start + 0.05, rtol=1e-5)
+
+
 def test_gymnasiums_vector_wrappers_fit():
     envs = gymnasium.wrappers.vector.RecordEpisodeStatistics(make_vec(autoreset_mode="NextStep"))
     envs.reset(seed=0)

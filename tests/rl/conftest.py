@@ -19,6 +19,7 @@ def tiny() -> dict:
         "passes": 2,
         "evaluations": 2,
         "evaluation_episodes": 4,
+        "evaluation_steps": 7,  # for tasks without a limit: `fast` has one of 20 steps
         "policy": {"hidden": [8]},
         "value": {"hidden": [8]},
     }

@@ -32,6 +32,7 @@ def test_history_and_evaluations(whole):
     result = whole
     assert [row["steps"] for row in result.history] == [128, 256, 384, 512]
     assert [row["steps"] for row in result.evaluations] == [256, 512]
+    assert [row["eval_length"] for row in result.evaluations] == [20, 20]
     seconds = [row["seconds"] for row in result.history]
     assert seconds == sorted(seconds)
     assert not result.interrupted

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxsim import envs
+from jaxsim.envs.wrappers import ActionRepeat
 from jaxsim.rl import evaluate
 
 KEYS = jax.random.split(jax.random.key(5), 6)
@@ -36,8 +37,20 @@ def test_time_limit_of_the_environment_and_of_the_call():
     still = jnp.zeros_like
     assert (evaluate(envs.make("fast"), still, KEYS, 1000).lengths == 20).all()
     assert (evaluate(envs.make("fast"), still, KEYS, 7).lengths == 7).all()
+    assert (evaluate(envs.make("fast"), still, KEYS).lengths == 20).all()
+    assert (evaluate(envs.make("fast", max_episode_steps=1005), still, KEYS).lengths == 1005).all()
     endless = envs.make("fast", max_episode_steps=None)
     assert (evaluate(endless, still, KEYS, 30).lengths == 30).all()
+
+
+def test_the_limit_of_nested_environments():
+    env = envs.make("fast", max_episode_steps=7)
+    assert env.unwrapped.episode_limit is None
+    assert envs.Wrapper(env).episode_limit == 7
+    assert envs.TimeLimit(env, max_episode_steps=9).episode_limit == 7
+    assert ActionRepeat(env, repeats=2).episode_limit == 4
+    repeated = ActionRepeat(env, repeats=2)
+    assert (evaluate(repeated, jnp.zeros_like, KEYS).lengths == 4).all()
 
 
 def test_numbers_that_are_not_finite_end_an_episode():

@@ -3,7 +3,9 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from jax.sharding import PartitionSpec
+from oracle import quick_jit
 
 from jaxsim.parallel.devices import AXIS, device_mesh, parallel
 from jaxsim.rl.normalize import RunningStatistics, discounted_returns
@@ -46,6 +48,30 @@ def test_samples_that_are_not_finite_do_no_harm():
     after = statistics.update(jnp.array([[jnp.nan], [jnp.inf]]))
     np.testing.assert_allclose(after.mean, 2)
     assert np.isfinite(after.variance).all()
+
+
+@pytest.mark.parametrize("value", [1e12, -1e20, 3e38, np.inf, np.nan])
+@pytest.mark.parametrize("when", [0, 1, 20])
+def test_one_wild_sample_does_no_lasting_harm(rng, value, when):
+    """One in 128 of one batch: after 100 batches the others are still told apart."""
+    statistics, update = RunningStatistics.start((2,)), quick_jit(RunningStatistics.update)
+    scale = np.array([1.0, 1e3], np.float32)
+    for batch in range(100):
+        samples = 5 + scale * rng.normal(size=(128, 2)).astype(np.float32)
+        samples[7, :] = np.where(batch == when, value, samples[7, :])
+        statistics = update(statistics, jnp.asarray(samples))
+    np.testing.assert_array_less(np.abs(statistics.mean - 5), 0.5 * scale)
+    np.testing.assert_array_less(np.abs(np.log2(statistics.variance / scale**2)), 1.0)
+
+
+def test_what_all_samples_do_is_followed(rng):
+    """From nothing to a thousand, as a force does when first it touches: no limit holds it back."""
+    statistics, update = RunningStatistics.start((1,)), quick_jit(RunningStatistics.update)
+    for batch in range(60):
+        touched = 1e3 * (rng.random(size=(256, 1)) < 0.05) * (batch > 20)
+        statistics = update(statistics, jnp.asarray(touched, jnp.float32))
+    expected = 1e3 * np.sqrt(0.05 * 40 / 60)
+    assert 0.5 * expected < np.sqrt(statistics.variance[0]) < expected
 
 
 def test_normalize_gives_mean_zero_and_deviation_one(rng):

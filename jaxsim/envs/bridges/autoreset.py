@@ -12,8 +12,9 @@ from jaxtyping import Array, Bool, Float
 from jaxsim.batching import vmap
 from jaxsim.envs.base import Env
 from jaxsim.envs.bridges.batch import Batch, reset_where, restart, step_all
+from jaxsim.envs.bridges.constant import Constant, programs_of
 from jaxsim.envs.bridges.spaces import public_info
-from jaxsim.parallel.devices import EVERYWHERE, SPLIT, parallel
+from jaxsim.parallel.devices import SPLIT, parallel
 
 
 @struct.dataclass
@@ -80,20 +81,20 @@ _MODES: dict[AutoresetMode, Callable] = {
 }
 
 
-@functools.cache
-def compiled_start(mesh: Mesh) -> Callable:
-    """`(env, keys) -> Batch` on the devices of the mesh."""
-    return parallel(start, mesh, (EVERYWHERE, SPLIT), SPLIT)
+@programs_of
+def compiled_start(constant: Constant, mesh: Mesh) -> Callable:
+    """`keys -> Batch` on the devices of the mesh."""
+    return parallel(functools.partial(start, constant.env), mesh, (SPLIT,), SPLIT)
 
 
-@functools.cache
-def compiled_reset(mesh: Mesh) -> Callable:
-    """`(env, batch, mask) -> Batch`; the batch given is used up."""
-    return parallel(reset_where, mesh, (EVERYWHERE, SPLIT, SPLIT), SPLIT, donate=1)
+@programs_of
+def compiled_reset(constant: Constant, mesh: Mesh) -> Callable:
+    """`(batch, mask) -> Batch`."""
+    return parallel(functools.partial(reset_where, constant.env), mesh, (SPLIT, SPLIT), SPLIT)
 
 
-@functools.cache
-def compiled_step(mesh: Mesh, mode: AutoresetMode) -> Callable:
-    """`(env, batch, actions, done) -> (Batch, Outcome)`; the batch given is used up."""
-    specs = EVERYWHERE, SPLIT, SPLIT, SPLIT
-    return parallel(_MODES[mode], mesh, specs, SPLIT, donate=1)
+@programs_of
+def compiled_step(constant: Constant, mesh: Mesh, mode: AutoresetMode) -> Callable:
+    """`(batch, actions, done) -> (Batch, Outcome)`."""
+    step = functools.partial(_MODES[mode], constant.env)
+    return parallel(step, mesh, (SPLIT, SPLIT, SPLIT), SPLIT)

@@ -9,7 +9,6 @@ the chain, so environment i of a batch has the same episodes as one environment 
 """
 
 import functools
-import operator
 from collections.abc import Sequence
 
 import jax
@@ -21,6 +20,7 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsim.batching import vmap
 from jaxsim.envs.base import Env, EnvState
+from jaxsim.envs.diverged import diverged
 from jaxsim.parallel.chunks import even_lanes, map_chunks
 
 RESET_LANES = 64  # environments that are reset together
@@ -54,15 +54,13 @@ def restart(env: Env, key: Array) -> tuple[EnvState, Array]:
 
 
 def guarded_step(env: Env, state: EnvState, action: Float[Array, "nu"]) -> EnvState:
-    """One step; numbers that are not finite end the episode and go nowhere.
+    """One step; if it has `diverged`, the episode ends and its numbers go nowhere.
 
     The environment then stays where it was, `terminated`, with reward 0 and
     `metrics["nonfinite"]` 1, which otherwise is 0.
     """
     after = env.step(state, action)
-    seen = jax.tree.leaves((after.state, after.obs, after.reward, after.metrics))
-    finite = [jnp.isfinite(x).all() for x in seen if jnp.issubdtype(x.dtype, jnp.inexact)]
-    broken = ~functools.reduce(operator.and_, finite)
+    broken = diverged(after)
     stay = state.replace(
         reward=jnp.zeros_like(after.reward),
         terminated=jnp.ones_like(after.terminated),

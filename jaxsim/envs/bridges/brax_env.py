@@ -6,16 +6,21 @@ Example:
   >>> ppo.train(BraxEnv("ant"), num_timesteps=10_000_000, wrap_env_fn=wrap_for_brax)
 """
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
+import jax.numpy as jnp
 from flax import struct
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from jaxsim.batching import vmap
 from jaxsim.envs.base import Env, EnvState
+from jaxsim.envs.bridges.batch import guarded_step
 from jaxsim.envs.registry import make
 from jaxsim.model import Model
+
+_COUNTER = "steps"  # what Brax's EpisodeWrapper adds to `info`
 
 
 @struct.dataclass
@@ -43,7 +48,12 @@ class BraxEnv:
     """One environment with the methods and properties of `brax.envs.Env`.
 
     Brax's trainers batch, cut and restart episodes themselves, so an environment that is given
-    by name has no time limit of its own; `episode_length` is the trainer's argument.
+    by name has no time limit of its own; `episode_length` is the trainer's argument. Where an
+    environment does have a limit, `wrap_for_brax` keeps it. Brax's own wrappers would take such a
+    cut for a termination, so under them only `episode_length` counts.
+
+    A step that has `diverged` ends the episode, as in the other bridges: `metrics["nonfinite"]`
+    is then 1, and the rest goes nowhere.
     """
 
     def __init__(self, env: Env | str, **options: Any):
@@ -57,12 +67,16 @@ class BraxEnv:
 
     def reset(self, rng: Array) -> BraxState:
         """Start an episode; `rng` is a key of either of JAX's kinds."""
-        return _brax_state(self.env.reset(rng), {}, {})
+        state = self.env.reset(rng)
+        metrics = {**state.metrics, "nonfinite": jnp.zeros_like(state.reward)}
+        return _brax_state(state.replace(metrics=metrics), {}, {}, state.done)
 
     def step(self, state: BraxState, action: Float[Array, "nu"]) -> BraxState:
         """Act for one step."""
-        after = self.env.step(state.pipeline_state, action)
-        return _brax_state(after, state.metrics, state.info)
+        after = guarded_step(self.env, state.pipeline_state, action)
+        counted = _COUNTER in state.info  # by Brax, which tells cuts from its own count
+        done = after.terminated if counted else after.done
+        return _brax_state(after, state.metrics, state.info, done)
 
     @property
     def observation_size(self) -> int:
@@ -119,7 +133,23 @@ def wrap_for_brax(
 
     batched: Any = _Batched(env, randomization_fn)
     episodes = training.EpisodeWrapper(batched, episode_length, action_repeat)
-    return training.AutoResetWrapper(episodes)
+    return training.AutoResetWrapper(_cutting(training.Wrapper)(episodes))
+
+
+@functools.cache
+def _cutting(wrapper: type) -> type:
+    """A wrapper that ends an episode where the environment's own limit cuts it."""
+
+    class Cut(wrapper):
+        def step(self, state, action):
+            after = self.env.step(state, action)
+            cut = after.pipeline_state.truncated & (after.done == 0)
+            info = {**after.info, "truncation": jnp.where(cut, 1, after.info["truncation"])}
+            if "episode_done" in info:
+                info["episode_done"] = jnp.where(cut, 1, info["episode_done"])
+            return after.replace(done=jnp.where(cut, 1, after.done), info=info)
+
+    return Cut
 
 
 class _Batched:
@@ -152,14 +182,16 @@ class _Batched:
         return getattr(self.env, name)
 
 
-def _brax_state(state: EnvState, metrics: dict[str, Any], info: dict[str, Any]) -> BraxState:
+def _brax_state(
+    state: EnvState, metrics: dict[str, Any], info: dict[str, Any], done: Bool[Array, ""]
+) -> BraxState:
     """Entries that Brax's wrappers have added stay."""
     dtype = state.reward.dtype
     return BraxState(
         pipeline_state=state,
         obs=state.obs,
         reward=state.reward,
-        done=state.done.astype(dtype),
+        done=done.astype(dtype),
         metrics={**metrics, **state.metrics},
         info={**info, "truncation": state.truncated.astype(dtype)},
     )

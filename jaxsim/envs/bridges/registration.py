@@ -1,6 +1,7 @@
 """Gymnasium's registry: `half_cheetah` becomes `jaxsim/HalfCheetah-v0`."""
 
 import gymnasium
+from gymnasium.envs import registration
 
 from jaxsim.envs import registry
 
@@ -14,7 +15,7 @@ def gymnasium_id(name: str) -> str:
 
 
 def register_gymnasium(name: str) -> str:
-    """Tell Gymnasium about an environment; repeated calls change nothing.
+    """Tell Gymnasium about an environment; of repeated calls the last one counts.
 
     Args:
       name: of an environment of `jaxsim.envs`; the bundled ones are registered already.
@@ -22,13 +23,15 @@ def register_gymnasium(name: str) -> str:
     Returns:
       Its identifier, for `gymnasium.make` and `gymnasium.make_vec`.
     """
-    identifier = gymnasium_id(name)
-    if identifier not in gymnasium.registry:
+    identifier, limit = gymnasium_id(name), registry.spec(name).max_episode_steps
+    if identifier in registration.registry:
+        registration.registry[identifier].max_episode_steps = limit
+    else:
         gymnasium.register(
             identifier,
             entry_point=_SINGLE,
             vector_entry_point=_VECTOR,
-            max_episode_steps=registry.spec(name).max_episode_steps,
+            max_episode_steps=limit,
             kwargs={"env": name},
         )
     return identifier

@@ -1,6 +1,6 @@
 """`gymnasium.make("jaxsim/Ant-v0")`: one environment behind Gymnasium's `Env`."""
 
-import functools
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 import gymnasium
@@ -8,7 +8,10 @@ import jax
 import numpy as np
 
 from jaxsim.envs.base import Env, EnvState
-from jaxsim.envs.bridges import batch, render, spaces
+from jaxsim.envs.bridges import batch, packing, render, spaces
+from jaxsim.envs.bridges.constant import Constant, programs_of
+from jaxsim.envs.bridges.documented import documented
+from jaxsim.envs.bridges.fork import check_fork
 from jaxsim.envs.registry import make
 from jaxsim.parallel.devices import compiled
 
@@ -20,7 +23,6 @@ class GymnasiumEnv(gymnasium.Env):
     overhead of one.
 
     Attributes:
-      env: the environment of `jaxsim.envs` behind this one.
       state: its `EnvState`; None before the first reset.
     """
 
@@ -46,14 +48,38 @@ class GymnasiumEnv(gymnasium.Env):
           camera: name or number of a camera; -1 for a free one; by default the one called "track".
           **options: the fields of the environment, where it is given by name.
         """
-        self.env = make(env, max_episode_steps=None, **options) if isinstance(env, str) else env
+        self._given, self._options = env, options
+        self._constant: Constant | None = None
+        known = documented(env, options)
         self.render_mode = render.checked_mode(render_mode)
-        self.metadata = {**self.metadata, "render_fps": round(1 / float(self.env.dt))}
-        self.observation_space = spaces.observation_space(self.env)
-        self.action_space = spaces.action_space(self.env)
+        dt = self.env.dt if known is None else known.dt
+        self.metadata = {**self.metadata, "render_fps": round(1 / float(dt))}
+        self.observation_space = (
+            spaces.observation_space(self.env) if known is None else known.observation_space
+        )
+        self.action_space = spaces.action_space(self.env) if known is None else known.action_space
         self.state: EnvState | None = None
         self._key = None
         self._frames = render.frames(self.env, width, height, camera) if render_mode else None
+
+    @property
+    def env(self) -> Env:
+        """The environment of `jaxsim.envs` behind this one; a bundled one is made when needed."""
+        return self._placed.env
+
+    @env.setter
+    def env(self, env: Env) -> None:
+        self._constant = Constant(env)
+
+    @property
+    def _placed(self) -> Constant:
+        if self._constant is None:
+            check_fork()
+            env = self._given
+            if isinstance(env, str):
+                env = make(env, max_episode_steps=None, **self._options)
+            self._constant = Constant(env)
+        return self._constant
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
         """Start an episode.
@@ -64,14 +90,19 @@ class GymnasiumEnv(gymnasium.Env):
 
         Returns:
           The observation and the infos.
+
+        Raises:
+          RuntimeError: this process was forked after JAX had started.
         """
+        check_fork()
         super().reset(seed=seed)
         if seed is not None or self._key is None:
             entropy = int(self.np_random.integers(2**32)) if seed is None else seed
             self._key = batch.root_keys([entropy])[0]
-        state, self._key = _restart(self.env, self._key)
-        self.state = state
-        return np.array(state.obs), _info(state)
+        restart, unpack = _restart(self._placed)
+        self.state, self._key, packed = restart(self._key)
+        obs, _, _, _, info = unpack(packed)
+        return obs, info
 
     def step(self, action):
         """Advance by one step of control.
@@ -84,14 +115,15 @@ class GymnasiumEnv(gymnasium.Env):
 
         Raises:
           gymnasium.error.ResetNeeded: `reset` was never called.
+          RuntimeError: this process was forked after JAX had started.
         """
+        check_fork()
         if self.state is None:
             raise gymnasium.error.ResetNeeded("call reset() before step()")
         action = np.asarray(action, np.float32).reshape(self.action_space.shape)
-        s = _step(self.env, self.state, action)
-        self.state = s
-        outcome = float(s.reward), bool(s.terminated), bool(s.truncated)
-        return np.array(s.obs), *outcome, _info(s)
+        step, unpack = _step(self._placed)
+        self.state, packed = step(self.state, action)
+        return unpack(packed)
 
     def render(self) -> np.ndarray | None:
         """The frame as an array (height, width, 3), or None without a render mode."""
@@ -105,19 +137,25 @@ class GymnasiumEnv(gymnasium.Env):
             self._frames.close()
 
 
-def _info(state: EnvState) -> dict[str, Any]:
-    info = jax.device_get(spaces.public_info(state))
-    return {k: v.item() if v.ndim == 0 else np.array(v) for k, v in info.items()}
+@programs_of
+def _restart(constant: Constant) -> tuple[Callable, Callable]:
+    """`key -> (state, key, packed)`, and what unpacks."""
+    layout = packing.Layout()
+
+    def restart(key):
+        state, key = batch.restart(constant.env, key)
+        return state, key, layout.packed(state)
+
+    return compiled(restart, jax.default_backend()), layout.unpacked
 
 
-@functools.cache
-def _compiled(f):
-    return compiled(f, jax.default_backend())
+@programs_of
+def _step(constant: Constant) -> tuple[Callable, Callable]:
+    """`(state, action) -> (state, packed)`, and what unpacks."""
+    layout = packing.Layout()
 
+    def step(state, action):
+        after = batch.guarded_step(constant.env, state, action)
+        return after, layout.packed(after)
 
-def _restart(env, key):
-    return _compiled(batch.restart)(env, key)
-
-
-def _step(env, state, action):
-    return _compiled(batch.guarded_step)(env, state, action)
+    return compiled(step, jax.default_backend()), layout.unpacked

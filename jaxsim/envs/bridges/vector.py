@@ -12,9 +12,11 @@ from gymnasium.vector.utils import batch_space
 
 from jaxsim.envs.base import Env, EnvState
 from jaxsim.envs.bridges import autoreset, batch, render
+from jaxsim.envs.bridges.constant import Constant
+from jaxsim.envs.bridges.fork import check_fork
 from jaxsim.envs.bridges.spaces import action_space, observation_space, public_info, vector_info
 from jaxsim.envs.registry import make
-from jaxsim.parallel.devices import dividing_mesh, everywhere
+from jaxsim.parallel.devices import dividing_mesh
 
 
 class GymnasiumVectorEnv(VectorEnv):
@@ -24,8 +26,8 @@ class GymnasiumVectorEnv(VectorEnv):
     `jaxsim.configure_cpu()` is called before JAX is used.
 
     Attributes:
-      env: the environment of `jaxsim.envs`, time limit included.
-      states: the batch of `EnvState`, on the devices.
+      env: the environment of `jaxsim.envs`, time limit included; another one is compiled anew.
+      states: the batch of `EnvState`, on the devices; what it gave stays as it was.
     """
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 50}
@@ -51,7 +53,8 @@ class GymnasiumVectorEnv(VectorEnv):
           autoreset_mode: what happens after an episode's end: the next step resets
             (NEXT_STEP), the same step does and its last observation is in `infos["final_obs"]`
             (SAME_STEP), or the user does by `reset(options={"reset_mask": mask})` (DISABLED).
-          max_episode_steps: time limit, where the environment is given by name; None for none.
+          max_episode_steps: time limit, where the environment is given by name; None, or
+            Gymnasium's -1, for none.
           render_mode: "rgb_array" or None.
           width: of rendered frames, in pixels.
           height: of rendered frames, in pixels.
@@ -60,12 +63,16 @@ class GymnasiumVectorEnv(VectorEnv):
 
         Raises:
           ValueError: num_envs is not positive, or there is no such mode.
+          RuntimeError: this process was forked after JAX had started.
         """
         if num_envs < 1:
             raise ValueError(f"num_envs must be positive, got {num_envs}")
+        check_fork()
         if isinstance(env, str):
-            env = make(env, max_episode_steps=max_episode_steps, **options)
+            limit = None if max_episode_steps == -1 else max_episode_steps
+            env = make(env, max_episode_steps=limit, **options)
         self.env, self.num_envs = env, num_envs
+        self._constant = Constant(env)
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.render_mode = render.checked_mode(render_mode)
         fps = round(1 / float(env.dt))
@@ -109,10 +116,10 @@ class GymnasiumVectorEnv(VectorEnv):
             raise gymnasium.error.ResetNeeded("the first reset() must be of all environments")
         keys = self._keys(seed, mask)
         if self._batch is None or mask.all():
-            fresh = autoreset.compiled_start(self._mesh)(self._placed(), keys)
+            fresh = autoreset.compiled_start(self._placed(), self._mesh)(keys)
         else:
             old = self._batch.replace(keys=keys)
-            fresh = autoreset.compiled_reset(self._mesh)(self._placed(), old, mask)
+            fresh = autoreset.compiled_reset(self._placed(), self._mesh)(old, mask)
         self._batch = fresh
         return self._started(fresh, mask)
 
@@ -158,13 +165,15 @@ class GymnasiumVectorEnv(VectorEnv):
                 f"environments {np.flatnonzero(self._done)[:10].tolist()} have ended: call "
                 'reset(options={"reset_mask": mask}) first'
             )
-        program = autoreset.compiled_step(self._mesh, self.autoreset_mode)
-        actions = self._taken(actions)
-        self._batch, outcome = program(self._placed(), self._batch, actions, self._done)
+        program = autoreset.compiled_step(self._placed(), self._mesh, self.autoreset_mode)
+        self._batch, outcome = program(self._batch, self._taken(actions), self._done)
         return self._told(outcome)
 
-    def _placed(self) -> Env:
-        return everywhere(self.env, self._mesh)
+    def _placed(self) -> Constant:
+        check_fork()
+        if self.env is not self._constant.env:
+            self._constant = Constant(self.env)
+        return self._constant
 
     def _taken(self, actions: Any):
         return np.asarray(actions, np.float32).reshape(self.action_space.shape)

@@ -39,6 +39,12 @@ class ActionRepeat(Wrapper):
         return after.replace(reward=total)
 
     @property
+    def episode_limit(self) -> int | None:
+        """Steps after which an episode is cut at the latest; None where nothing cuts it."""
+        inner = self.env.episode_limit
+        return None if inner is None else -(-inner // self.repeats)
+
+    @property
     def dt(self):
         """Time between two actions (s)."""
         return self.repeats * self.env.dt

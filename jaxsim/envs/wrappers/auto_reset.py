@@ -1,13 +1,13 @@
 """Episodes one after another, without end."""
 
 import functools
-import operator
 
 import jax
 import jax.numpy as jnp
 from flax import struct
 
 from jaxsim.envs.base import EnvState
+from jaxsim.envs.diverged import diverged
 from jaxsim.envs.wrappers.wrapper import Wrapper, extended
 
 
@@ -19,7 +19,7 @@ class AutoReset(Wrapper):
     `truncated` and metrics still are those of the step that ended the old one, and
     `info["terminal_obs"]` holds its last observation (between episodes: the current one).
 
-    A state that is not finite ends its episode too: `terminated`, reward 0, metrics 0 except
+    A step that has `diverged` ends its episode too: `terminated`, reward 0, metrics 0 except
     `metrics["nonfinite"]`, which is 1 and otherwise 0. Nothing of it is passed on.
 
     `info["reset_key"]` is the random key of the episodes to come.
@@ -36,7 +36,7 @@ class AutoReset(Wrapper):
         """Act for one step, and start over where the episode has ended."""
         key, rest = jax.random.split(state.info["reset_key"])
         fresh, after = self.env.reset(key), self.env.step(state, action)
-        broken = ~_finite((after.state, after.obs, after.reward, after.metrics))
+        broken = diverged(after)
         done = after.done | broken
         metrics = {**_select(broken, jax.tree.map(jnp.zeros_like, after.metrics), after.metrics)}
         inner = {name: after.info[name] for name in fresh.info}
@@ -58,9 +58,3 @@ class AutoReset(Wrapper):
 
 def _select(which, a, b):
     return jax.tree.map(functools.partial(jnp.where, which), a, b)
-
-
-def _finite(tree):
-    """Whether all numbers of a tree are finite."""
-    leaves = [x for x in jax.tree.leaves(tree) if jnp.issubdtype(x.dtype, jnp.floating)]
-    return functools.reduce(operator.and_, (jnp.isfinite(x).all() for x in leaves))

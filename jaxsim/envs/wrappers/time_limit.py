@@ -17,6 +17,12 @@ class TimeLimit(Wrapper):
 
     max_episode_steps: int = struct.field(pytree_node=False, default=1000)
 
+    @property
+    def episode_limit(self) -> int:
+        """Steps after which an episode is cut at the latest."""
+        inner = self.env.episode_limit
+        return self.max_episode_steps if inner is None else min(self.max_episode_steps, inner)
+
     def reset(self, key) -> EnvState:
         """Start an episode, at step zero."""
         return extended(self.env.reset(key), steps=jnp.zeros((), jnp.int32))

@@ -47,6 +47,11 @@ class Wrapper(Env):
         return self.env.unwrapped
 
     @property
+    def episode_limit(self) -> int | None:
+        """Steps after which an episode is cut at the latest; None where nothing cuts it."""
+        return self.env.episode_limit
+
+    @property
     def dt(self):
         """Time between two actions (s)."""
         return self.env.dt
