@@ -63,29 +63,33 @@ def _programs(model):
     import jax.numpy as jnp
 
     import jaxsim
-    from jaxsim.constraint import constraint_blocks
     from jaxsim.dynamics.kinematics import kinematics
-    from jaxsim.engine.pipeline import constraint_scene, evaluate, smooth_dynamics
+    from jaxsim.engine.step import evaluate
 
     def positions(state, ctrl):
         return _total(kinematics(model, state.qpos, state.mocap_pos, state.mocap_quat))
 
+    # What of an instant does not enter the total is not computed.
     def smooth(state, ctrl):
-        return _total(smooth_dynamics(model, state, ctrl))
+        now = evaluate(model, state, ctrl)
+        return _total(_smooth(now))
 
     def contacts(state, ctrl):
-        now = smooth_dynamics(model, state, ctrl)
-        return _total((now, constraint_scene(model, state, now.kin, now.vel)[1]))
+        now = evaluate(model, state, ctrl)
+        return _total((_smooth(now), now.constrained.contact))
 
     def rows(state, ctrl):
-        now = smooth_dynamics(model, state, ctrl)
-        scene, contact = constraint_scene(model, state, now.kin, now.vel)
-        blocks = constraint_blocks(scene, contact)
-        return _total((now, contact, [(b.kind, b.jacobian) for b in blocks]))
+        now = evaluate(model, state, ctrl)
+        blocks = [(b.kind, b.jacobian) for b in now.constrained.blocks]
+        return _total((_smooth(now), now.constrained.contact, blocks))
 
     def solved(state, ctrl):
         now = evaluate(model, state, ctrl)
-        return _total((now.smooth, now.constrained.qacc, now.constrained.qfrc_constraint))
+        return _total((_smooth(now), now.qacc, now.constrained.qfrc_constraint))
+
+    def _smooth(now):
+        motion = now.motion.replace(model=None)
+        return motion, now.passive, now.actuation, now.inertial_force, now.qfrc_smooth
 
     def _total(tree):
         arrays = [x for x in jax.tree.leaves(tree) if isinstance(x, jax.Array)]

@@ -142,21 +142,21 @@ def _program(model, states, batch: int):
     import jax
 
     import jaxsim
-    from jaxsim.constraint import Scene, constrained_acceleration
-    from jaxsim.engine.pipeline import constraint_scene, smooth_dynamics
+    from jaxsim.constraint import constrained_acceleration
+    from jaxsim.dynamics.motion import Motion
+    from jaxsim.engine.step import evaluate
     from jaxsim.parallel.chunks import even_lanes
 
     shape = {}
 
     def before(state, ctrl):
-        smooth = smooth_dynamics(model, state, ctrl)
-        scene, contact = constraint_scene(model, state, smooth.kin, smooth.vel)
-        shape["contact"], numbers = _split_static(contact)
-        return scene.kin, scene.vel, numbers, smooth.qfrc_smooth
+        now = evaluate(model, state, ctrl)  # its solve is not used, and so not computed
+        shape["contact"], numbers = _split_static(now.constrained.contact)
+        return now.motion.kin, now.motion.vel, numbers, now.qfrc_smooth
 
     def constrained(state, kin, vel, numbers, qfrc_smooth):
-        scene, contact = Scene(model, kin, vel, state.qpos, state.qvel), shape["contact"](numbers)
-        found = constrained_acceleration(scene, contact, qfrc_smooth, state.qacc_warmstart)
+        motion, contact = Motion(model, state.qpos, state.qvel, kin, vel), shape["contact"](numbers)
+        found = constrained_acceleration(motion, contact, qfrc_smooth, state.qacc_warmstart)
         return found.qacc, found.status.iterations
 
     state, ctrl = states.batch(model, batch)

@@ -25,6 +25,7 @@ from jaxsim.engine import (
     inverse,
     rollout,
     step,
+    step_with_status,
 )
 from jaxsim.io import load, set_const, to_mujoco
 from jaxsim.model import JaxsimError, Model, ModelError, Option, State, make_state
@@ -65,6 +66,7 @@ __all__ = [
     "rollout",
     "set_const",
     "step",
+    "step_with_status",
     "to_mujoco",
     "vmap",
 ]

@@ -9,7 +9,7 @@ from instants import CONES, converging
 from oracle import quick_jit
 
 import jaxsim
-from jaxsim.engine.step import forward
+from jaxsim.engine.report import forward
 from jaxsim.io import load
 from jaxsim.model import make_state
 

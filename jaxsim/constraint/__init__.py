@@ -1,7 +1,6 @@
 """Equality, dry friction, limits and contacts as one convex problem, and its solution."""
 
 from jaxsim.constraint.block import Block, RowType
-from jaxsim.constraint.scene import Scene
 from jaxsim.constraint.solve import (
     Constrained,
     constrained_acceleration,
@@ -13,7 +12,6 @@ __all__ = [
     "Block",
     "Constrained",
     "RowType",
-    "Scene",
     "constrained_acceleration",
     "constrained_at",
     "constraint_blocks",

@@ -9,14 +9,15 @@ from jaxsim.arrays.indexing import Index, gather
 from jaxsim.collision import Contact, ContactKind
 from jaxsim.constraint.block import Block, RowType
 from jaxsim.constraint.contact_rows import ContactRows, contact_rows
+from jaxsim.constraint.jacobian import row_velocity
 from jaxsim.constraint.laws import LAWS, ContactState
-from jaxsim.constraint.scene import Scene
+from jaxsim.dynamics.motion import Motion
 
 
-def contact_blocks(scene: Scene, contact: Contact) -> list[Block]:
+def contact_blocks(motion: Motion, contact: Contact) -> list[Block]:
     """One block of rows for each kind of contact, in the order of the slots."""
     ranges = [r for r in contact.ranges if r.stop > r.start]
-    return [_block(scene, _slots(contact, r.slots), r.kind) for r in ranges]
+    return [_block(motion, _slots(contact, r.slots), r.kind) for r in ranges]
 
 
 def contact_forces(
@@ -44,15 +45,15 @@ def _slots(contact: Contact, slots: slice) -> Contact:
     return contact.replace(**{name: getattr(contact, name)[slots] for name in fields})
 
 
-def _block(scene: Scene, contact: Contact, kind: ContactKind) -> Block:
-    model = scene.model
+def _block(motion: Motion, contact: Contact, kind: ContactKind) -> Block:
+    model = motion.model
     bodies = [gather(model.geom_bodyid, geom) for geom in (contact.geom1, contact.geom2)]
-    jacobian = _jacobian(scene, contact, kind, bodies)
+    jacobian = _jacobian(motion, contact, kind, bodies)
     first, second = (gather(model.body_invweight0, body) for body in bodies)
     state = ContactState(
         dist=contact.dist,
         includemargin=contact.includemargin,
-        velocity=scene.velocity(jacobian),
+        velocity=row_velocity(motion, jacobian),
         inverse_weight=(first + second)[:, 0],
         friction=contact.friction,
         solref=contact.solref,
@@ -63,16 +64,16 @@ def _block(scene: Scene, contact: Contact, kind: ContactKind) -> Block:
     return Block(jax.vmap(lambda c: law(model.opt, c))(state), jacobian, RowType.CONTACT)
 
 
-def _jacobian(scene: Scene, contact: Contact, kind: ContactKind, bodies) -> ContactRows:
+def _jacobian(motion: Motion, contact: Contact, kind: ContactKind, bodies) -> ContactRows:
     links = [
-        gather(scene.model.body_link, body) if movable else np.full(len(contact.dist), -1)
+        gather(motion.model.body_link, body) if movable else np.full(len(contact.dist), -1)
         for body, movable in zip(bodies, kind.movable, strict=True)
     ]
-    arms = [_arms(scene, contact.pos, link) for link in links]
+    arms = [_arms(motion, contact.pos, link) for link in links]
     return contact_rows(contact.frame, kind.condim, arms, links)
 
 
-def _arms(scene: Scene, pos: Float[Array, "n 3"], link: Index) -> Float[Array, "n 3"]:
+def _arms(motion: Motion, pos: Float[Array, "n 3"], link: Index) -> Float[Array, "n 3"]:
     """Points from the reference points of links; anything where the link is -1."""
-    origins = scene.link_origins()
+    origins = motion.link_origins()
     return pos - gather(origins, link % max(len(origins), 1))

@@ -9,9 +9,9 @@ from jaxsim.arrays.indexing import take
 from jaxsim.arrays.norms import safe_norm
 from jaxsim.constraint.block import Block, RowType
 from jaxsim.constraint.impedance import response
-from jaxsim.constraint.jacobian import DenseRows, link_rows
+from jaxsim.constraint.jacobian import DenseRows, link_rows, row_velocity
 from jaxsim.constraint.points import Ends, bias_acceleration, ends, twist_rows
-from jaxsim.constraint.scene import Scene
+from jaxsim.dynamics.motion import Motion
 from jaxsim.dynamics.tendon import tendon_jacobian, tendon_length
 from jaxsim.model.dof_order import to_tree_order
 from jaxsim.solver import Quadratic
@@ -21,9 +21,9 @@ _EQ = mujoco.mjtEq
 _EQUALITY_OFF = mujoco.mjtDisableBit.mjDSBL_EQUALITY
 
 
-def equality_blocks(scene: Scene) -> list[Block]:
+def equality_blocks(motion: Motion) -> list[Block]:
     """The blocks of the model's active equality constraints, in MuJoCo's order of types."""
-    model = scene.model
+    model = motion.model
     if model.opt.disabled(_EQUALITY_OFF):
         return []
     makers = {
@@ -36,61 +36,61 @@ def equality_blocks(scene: Scene) -> list[Block]:
     for kind, make in makers.items():
         (ids,) = np.nonzero((model.eq_type == kind) & model.eq_active0.astype(bool))
         if len(ids):
-            blocks.append(make(scene, ids))
+            blocks.append(make(motion, ids))
     return blocks
 
 
-def _connect(scene: Scene, ids: np.ndarray) -> Block:
+def _connect(motion: Motion, ids: np.ndarray) -> Block:
     """Two points coincide: three rows."""
-    data = take(scene.model.eq_data, ids)
-    e = ends(scene, ids, data[:, :3], data[:, 3:6])
-    G1, G2 = (twist_rows(scene, e, side, rotation=False) for side in (0, 1))
+    data = take(motion.model.eq_data, ids)
+    e = ends(motion, ids, data[:, :3], data[:, 3:6])
+    G1, G2 = (twist_rows(motion, e, side, rotation=False) for side in (0, 1))
     jacobian = link_rows(e.link[1], G2, e.link[0], G1)
-    bias = bias_acceleration(scene, e)[:, :3]
+    bias = bias_acceleration(motion, e)[:, :3]
     return _block(
-        scene, ids, jacobian, e.pos[0] - e.pos[1], bias, _weights(scene, e, 1), RowType.CONNECT
+        motion, ids, jacobian, e.pos[0] - e.pos[1], bias, _weights(motion, e, 1), RowType.CONNECT
     )
 
 
-def _weld(scene: Scene, ids: np.ndarray) -> Block:
+def _weld(motion: Motion, ids: np.ndarray) -> Block:
     """Two frames coincide: three rows of position, three of the quaternion's axis part.
 
     The rotational error is the vector part of `conj(q2) q1 q_rel`, whose rate is half of the
     vector part of `conj(q2) (0, w1 - w2) q1 q_rel`: a 3x3 matrix times the relative velocity.
     """
-    model = scene.model
+    model = motion.model
     data = take(model.eq_data, ids)
-    e = ends(scene, ids, data[:, 3:6], data[:, :3])
+    e = ends(motion, ids, data[:, 3:6], data[:, :3])
     scale = data[:, 10]
-    first, second = _weld_quaternions(scene, ids, data[:, 6:10])
+    first, second = _weld_quaternions(motion, ids, data[:, 6:10])
     error = jax.vmap(lambda a, b: quat_mul(quat_conj(b), a)[1:])(first, second)
     mix = jax.vmap(_rotation_rate)(first, second) * scale[:, None, None]
     rows = []
     for side in (0, 1):
-        G = twist_rows(scene, e, side, rotation=True)
+        G = twist_rows(motion, e, side, rotation=True)
         rows.append(jnp.concatenate([G[:, :3], jax.vmap(jnp.matmul)(mix, G[:, 3:])], axis=1))
     jacobian = link_rows(e.link[1], rows[1], e.link[0], rows[0])
     violation = jnp.concatenate([e.pos[0] - e.pos[1], scale[:, None] * error], axis=1)
-    bias = bias_acceleration(scene, e)
+    bias = bias_acceleration(motion, e)
     turn = jax.vmap(_rotation_bias)(first, second, e.omega[0], e.omega[1])
     spin = jax.vmap(jnp.matmul)(mix, bias[:, 3:]) + scale[:, None] * turn
     bias = jnp.concatenate([bias[:, :3], spin], axis=1)
-    return _block(scene, ids, jacobian, violation, bias, _weights(scene, e, 2), RowType.WELD)
+    return _block(motion, ids, jacobian, violation, bias, _weights(motion, e, 2), RowType.WELD)
 
 
-def _weld_quaternions(scene: Scene, ids: np.ndarray, relative):
+def _weld_quaternions(motion: Motion, ids: np.ndarray, relative):
     """Orientations of both ends of welds, the first one composed with the relative pose."""
-    model = scene.model
+    model = motion.model
     first, second, sites = [], [], model.eq_objtype[ids] == int(mujoco.mjtObj.mjOBJ_SITE)
     for k, i in enumerate(ids):
         one, two = int(model.eq_obj1id[i]), int(model.eq_obj2id[i])
         if sites[k]:
             quats = [
-                quat_mul(scene.kin.xquat[model.site_bodyid[s]], model.site_quat[s])
+                quat_mul(motion.kin.xquat[model.site_bodyid[s]], model.site_quat[s])
                 for s in (one, two)
             ]
         else:
-            quats = [quat_mul(scene.kin.xquat[one], relative[k]), scene.kin.xquat[two]]
+            quats = [quat_mul(motion.kin.xquat[one], relative[k]), motion.kin.xquat[two]]
         first.append(quats[0])
         second.append(quats[1])
     return jnp.stack(first), jnp.stack(second)
@@ -119,18 +119,18 @@ def _rotation_bias(first, second, w1, w2):
     return 0.5 * (one + two)[1:]
 
 
-def _weights(scene: Scene, e: Ends, columns: int):
+def _weights(motion: Motion, e: Ends, columns: int):
     """Inverse inertia of each row: translational ones first, then rotational ones."""
-    weight = take(scene.model.body_invweight0, e.body[0]) + take(
-        scene.model.body_invweight0, e.body[1]
+    weight = take(motion.model.body_invweight0, e.body[0]) + take(
+        motion.model.body_invweight0, e.body[1]
     )
     return jnp.repeat(weight[:, :columns], 3, axis=1)
 
 
-def _block(scene: Scene, ids, jacobian, violation, bias, weight, type_: RowType) -> Block:
+def _block(motion: Motion, ids, jacobian, violation, bias, weight, type_: RowType) -> Block:
     """Rows that share one impedance, a function of the norm of their violation."""
-    model = scene.model
-    velocity = scene.velocity(jacobian)
+    model = motion.model
+    velocity = row_velocity(motion, jacobian)
 
     def one(solref, solimp, violation, velocity, weight):
         r = response(model.opt, solref, solimp, safe_norm(violation))
@@ -141,15 +141,15 @@ def _block(scene: Scene, ids, jacobian, violation, bias, weight, type_: RowType)
     return Block(Quadratic(aref - bias, 1 / R), jacobian, type_, tuple(ids.tolist()))
 
 
-def _joint(scene: Scene, ids: np.ndarray) -> Block:
+def _joint(motion: Motion, ids: np.ndarray) -> Block:
     """One scalar joint is a polynomial of another, or constant."""
-    model = scene.model
+    model = motion.model
     dofs = [model.jnt_dofadr[i] for i in (model.eq_obj1id[ids], model.eq_obj2id[ids])]
     addresses = [model.jnt_qposadr[i] for i in (model.eq_obj1id[ids], model.eq_obj2id[ids])]
-    displacement = [take(scene.qpos, a) - take(model.qpos0, a) for a in addresses]
-    unit = jnp.asarray(np.eye(model.nv), scene.qvel.dtype)
+    displacement = [take(motion.qpos, a) - take(model.qpos0, a) for a in addresses]
+    unit = jnp.asarray(np.eye(model.nv), motion.qvel.dtype)
     return _polynomial(
-        scene,
+        motion,
         ids,
         displacement,
         [take(unit, d) for d in dofs],
@@ -158,13 +158,13 @@ def _joint(scene: Scene, ids: np.ndarray) -> Block:
     )
 
 
-def _tendon(scene: Scene, ids: np.ndarray) -> Block:
+def _tendon(motion: Motion, ids: np.ndarray) -> Block:
     """One tendon's length is a polynomial of another's, or constant."""
-    model = scene.model
+    model = motion.model
     both = model.eq_obj1id[ids], np.maximum(model.eq_obj2id[ids], 0)
-    stretch = tendon_length(model, scene.qpos) - model.tendon_length0
+    stretch = tendon_length(model, motion.qpos) - model.tendon_length0
     return _polynomial(
-        scene,
+        motion,
         ids,
         [take(stretch, t) for t in both],
         [take(tendon_jacobian(model), t) for t in both],
@@ -173,10 +173,10 @@ def _tendon(scene: Scene, ids: np.ndarray) -> Block:
     )
 
 
-def _polynomial(scene: Scene, ids, value, J, weight, type_: RowType) -> Block:
+def _polynomial(motion: Motion, ids, value, J, weight, type_: RowType) -> Block:
     """`value1 = poly(value2)`, the polynomial of degree four without its second object constant."""
-    model = scene.model
-    paired = jnp.asarray(model.eq_obj2id[ids] >= 0, scene.qvel.dtype)
+    model = motion.model
+    paired = jnp.asarray(model.eq_obj2id[ids] >= 0, motion.qvel.dtype)
     coefficients = take(model.eq_data, ids)[:, :5]
 
     def one(c, x):
@@ -188,7 +188,7 @@ def _polynomial(scene: Scene, ids, value, J, weight, type_: RowType) -> Block:
     rows = J[0] - (slope * paired)[:, None] * J[1]
     violation = value[0] - target
     jacobian = DenseRows(to_tree_order(model, rows.T).T)
-    velocity = scene.velocity(jacobian)
+    velocity = row_velocity(motion, jacobian)
 
     def row(solref, solimp, violation, velocity, weight):
         r = response(model.opt, solref, solimp, violation)

@@ -8,8 +8,8 @@ import numpy as np
 from jaxsim.arrays.indexing import take
 from jaxsim.constraint.block import Block, RowType
 from jaxsim.constraint.impedance import response
-from jaxsim.constraint.jacobian import DenseRows, DofRows
-from jaxsim.constraint.scene import Scene
+from jaxsim.constraint.jacobian import DenseRows, DofRows, row_velocity
+from jaxsim.dynamics.motion import Motion
 from jaxsim.dynamics.tendon import tendon_jacobian
 from jaxsim.model.dof_order import to_tree_order
 from jaxsim.solver import Huber
@@ -17,23 +17,23 @@ from jaxsim.solver import Huber
 _FRICTION_OFF = mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS
 
 
-def friction_blocks(scene: Scene) -> list[Block]:
+def friction_blocks(motion: Motion) -> list[Block]:
     """Rows of the degrees of freedom and tendons that may have dry friction."""
-    model = scene.model
+    model = motion.model
     if model.opt.disabled(_FRICTION_OFF):
         return []
     blocks = []
     dofs = np.array(model.nonzero_rows("dof_frictionloss"), int)
     tendons = np.array(model.nonzero_rows("tendon_frictionloss"), int)
     if len(dofs):
-        rows = DofRows(jnp.ones(len(dofs), scene.qvel.dtype), _tree_dofs(model, dofs))
+        rows = DofRows(jnp.ones(len(dofs), motion.qvel.dtype), _tree_dofs(model, dofs))
         parameters = (
             model.dof_solref,
             model.dof_solimp,
             model.dof_invweight0,
             model.dof_frictionloss,
         )
-        blocks.append(_block(scene, rows, dofs, parameters, RowType.FRICTION_DOF))
+        blocks.append(_block(motion, rows, dofs, parameters, RowType.FRICTION_DOF))
     if len(tendons):
         rows = DenseRows(to_tree_order(model, take(tendon_jacobian(model), tendons).T).T)
         parameters = (
@@ -42,16 +42,16 @@ def friction_blocks(scene: Scene) -> list[Block]:
             model.tendon_invweight0,
             model.tendon_frictionloss,
         )
-        blocks.append(_block(scene, rows, tendons, parameters, RowType.FRICTION_TENDON))
+        blocks.append(_block(motion, rows, tendons, parameters, RowType.FRICTION_TENDON))
     return blocks
 
 
-def _block(scene: Scene, jacobian, ids: np.ndarray, parameters, type_: RowType) -> Block:
+def _block(motion: Motion, jacobian, ids: np.ndarray, parameters, type_: RowType) -> Block:
     """Rows whose reference only damps: dry friction has no position to return to."""
-    velocity = scene.velocity(jacobian)
+    velocity = row_velocity(motion, jacobian)
 
     def row(velocity, solref, solimp, weight):
-        r = response(scene.model.opt, solref, solimp, jnp.zeros_like(velocity))
+        r = response(motion.model.opt, solref, solimp, jnp.zeros_like(velocity))
         return -r.damping * velocity, r.regularisation(weight)
 
     solref, solimp, weight, floss = (take(p, ids) for p in parameters)

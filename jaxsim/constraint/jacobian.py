@@ -22,7 +22,9 @@ from jaxsim.arrays.indexing import sum_by, take
 from jaxsim.batching.anywhere import place, pushing
 from jaxsim.constraint.link_index import LinkIndex, add_at, gather, items, moves
 from jaxsim.dynamics.components import Components, restrict
+from jaxsim.dynamics.motion import Motion
 from jaxsim.model.compound import Compound
+from jaxsim.model.dof_order import to_tree_order
 from jaxsim.model.topology import Forest
 from jaxsim.solver import weighed
 
@@ -58,6 +60,11 @@ class Jacobian(Protocol):
     def coupled(self) -> bool:
         """Whether `add_curvature` leaves anything out."""
         ...
+
+
+def row_velocity(motion: Motion, jacobian: Jacobian) -> Array:
+    """`J qvel` of a block of rows."""
+    return jacobian.apply(to_tree_order(motion.model, motion.qvel), motion.vel.cvel)
 
 
 @struct.dataclass

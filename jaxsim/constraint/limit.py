@@ -8,8 +8,8 @@ import numpy as np
 from jaxsim.arrays.indexing import take
 from jaxsim.constraint.block import Block, RowType
 from jaxsim.constraint.impedance import inverse_where, response
-from jaxsim.constraint.jacobian import DenseRows, DofRows
-from jaxsim.constraint.scene import Scene
+from jaxsim.constraint.jacobian import DenseRows, DofRows, row_velocity
+from jaxsim.dynamics.motion import Motion
 from jaxsim.dynamics.tendon import tendon_jacobian, tendon_length
 from jaxsim.joints import JOINTS
 from jaxsim.joints.grouping import alike, position_rows
@@ -20,29 +20,29 @@ from jaxsim.solver import Unilateral
 _LIMIT_OFF = mujoco.mjtDisableBit.mjDSBL_LIMIT
 
 
-def limit_blocks(scene: Scene) -> list[Block]:
+def limit_blocks(motion: Motion) -> list[Block]:
     """Rows of limited joints, those that are alike together, and of limited tendons."""
-    model = scene.model
+    model = motion.model
     if model.opt.disabled(_LIMIT_OFF):
         return []
     (joints,) = np.nonzero(model.jnt_limited)
     (tendon,) = np.nonzero(model.tendon_limited)
     kinds = alike(model.jnt_type[joints], "limit")
-    blocks = [_joints(scene, joints[kinds == k]) for k in np.unique(kinds)]
+    blocks = [_joints(motion, joints[kinds == k]) for k in np.unique(kinds)]
     if len(tendon):
-        blocks.append(_tendons(scene, tendon))
+        blocks.append(_tendons(motion, tendon))
     return blocks
 
 
-def _joints(scene: Scene, ids: np.ndarray) -> Block:
+def _joints(motion: Motion, ids: np.ndarray) -> Block:
     """One row for both ends of a range: they are never active together."""
-    model, joint = scene.model, JOINTS[int(scene.model.jnt_type[ids[0]])]
+    model, joint = motion.model, JOINTS[int(motion.model.jnt_type[ids[0]])]
     lower, upper, gradient = jax.vmap(joint.limit)(
-        position_rows(model, scene.qpos, ids).blocks(), take(model.jnt_range, ids)
+        position_rows(model, motion.qpos, ids).blocks(), take(model.jnt_range, ids)
     )
     violation, gradient = _nearer_end(lower, upper, gradient, take(model.jnt_margin, ids))
     dofs = model.structure.dof_position[model.jnt_dofadr[ids][:, None] + np.arange(joint.nv)]
-    return _joint_block(scene, ids, _rows(model, gradient, dofs), violation)
+    return _joint_block(motion, ids, _rows(model, gradient, dofs), violation)
 
 
 def _rows(model: Model, gradient, dofs: np.ndarray):
@@ -54,10 +54,10 @@ def _rows(model: Model, gradient, dofs: np.ndarray):
     return DenseRows(J.at[np.arange(n)[:, None], dofs].set(gradient))
 
 
-def _tendons(scene: Scene, ids: np.ndarray) -> Block:
+def _tendons(motion: Motion, ids: np.ndarray) -> Block:
     """Tendon lengths within their range."""
-    model = scene.model
-    length, bounds = take(tendon_length(model, scene.qpos), ids), take(model.tendon_range, ids)
+    model = motion.model
+    length, bounds = take(tendon_length(model, motion.qpos), ids), take(model.tendon_range, ids)
     violation, J = _nearer_end(
         length - bounds[:, 0],
         bounds[:, 1] - length,
@@ -70,7 +70,7 @@ def _tendons(scene: Scene, ids: np.ndarray) -> Block:
         take(model.tendon_invweight0, ids),
     )
     rows = DenseRows(to_tree_order(model, J.T).T)
-    return _block(scene, ids, rows, violation, parameters, RowType.LIMIT_TENDON)
+    return _block(motion, ids, rows, violation, parameters, RowType.LIMIT_TENDON)
 
 
 def _nearer_end(lower, upper, gradient, margin):
@@ -82,22 +82,22 @@ def _nearer_end(lower, upper, gradient, margin):
     )
 
 
-def _joint_block(scene: Scene, ids: np.ndarray, jacobian, violation) -> Block:
-    model = scene.model
+def _joint_block(motion: Motion, ids: np.ndarray, jacobian, violation) -> Block:
+    model = motion.model
     parameters = (
         take(model.jnt_solref, ids),
         take(model.jnt_solimp, ids),
         take(model.dof_invweight0, model.jnt_dofadr[ids]),
     )
-    return _block(scene, ids, jacobian, violation, parameters, RowType.LIMIT_JOINT)
+    return _block(motion, ids, jacobian, violation, parameters, RowType.LIMIT_JOINT)
 
 
-def _block(scene: Scene, ids, jacobian, violation, parameters, type_: RowType) -> Block:
+def _block(motion: Motion, ids, jacobian, violation, parameters, type_: RowType) -> Block:
     """Rows that are active where their violation is negative."""
-    velocity = scene.velocity(jacobian)
+    velocity = row_velocity(motion, jacobian)
 
     def row(violation, velocity, solref, solimp, weight):
-        r = response(scene.model.opt, solref, solimp, violation)
+        r = response(motion.model.opt, solref, solimp, violation)
         active = violation < 0
         aref = jnp.where(active, r.reference(velocity, violation), 0.0)
         return aref, inverse_where(active, r.regularisation(weight))

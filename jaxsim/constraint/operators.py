@@ -116,7 +116,15 @@ class TreeOperator:
 
     def residual(self, y: TreePoint, forces: Rows) -> Float[Array, "nv"]:
         """`J^T f - M x`."""
-        wrench, force = -y.p, -self.armature * y.x
+        return self._on_dofs(forces, -self.armature * y.x, -y.p)
+
+    def pull(self, forces: Rows) -> Float[Array, "nv"]:
+        """`J^T f`."""
+        nothing = jnp.zeros_like(self.cdof, shape=(len(self.tree), self.cdof.shape[1]))
+        return self._on_dofs(forces, jnp.zeros_like(self.armature), nothing)
+
+    def _on_dofs(self, forces: Rows, force: Float[Array, "nv"], wrench: Float[Array, "n c"]):
+        """`J^T f` added to forces on the degrees of freedom and wrenches on the links."""
         for J, f in zip(self.jacobians, forces, strict=True):
             force, wrench = J.add_force(f, force, wrench)
         return force + tree_force(self.tree, self.cdof, wrench)

@@ -8,7 +8,7 @@ from flax import struct
 from jaxtyping import Array, Float
 
 from jaxsim.arrays.indexing import gather_or_zero, take
-from jaxsim.constraint.scene import Scene
+from jaxsim.dynamics.motion import Motion
 from jaxsim.spatial import acceleration_at
 
 _SITE = int(mujoco.mjtObj.mjOBJ_SITE)
@@ -31,34 +31,34 @@ class Ends:
     link: tuple = struct.field(pytree_node=False)
 
 
-def ends(scene: Scene, ids: np.ndarray, anchor1: Array, anchor2: Array) -> Ends:
+def ends(motion: Motion, ids: np.ndarray, anchor1: Array, anchor2: Array) -> Ends:
     """The ends of equality constraints: anchors on bodies, or sites.
 
     Args:
-      scene: the scene.
+      motion: position and velocity.
       ids: (n,) equality constraints.
       anchor1: (n, 3) anchors in the frames of the first bodies.
       anchor2: (n, 3) anchors in the frames of the second bodies.
     """
-    model = scene.model
+    model = motion.model
     sites = model.eq_objtype[ids] == _SITE
     pos, omega, body, link = [], [], [], []
     for objects, anchor in ((model.eq_obj1id[ids], anchor1), (model.eq_obj2id[ids], anchor2)):
         site = np.where(sites, objects, 0)
         b = np.where(sites, model.site_bodyid[site] if model.nsite else 0, objects)
-        on_body = take(scene.kin.xpos, b) + jax.vmap(jnp.matmul)(take(scene.kin.xmat, b), anchor)
+        on_body = take(motion.kin.xpos, b) + jax.vmap(jnp.matmul)(take(motion.kin.xmat, b), anchor)
         if sites.any():
-            on_body = jnp.where(sites[:, None], take(scene.kin.site_xpos, site), on_body)
+            on_body = jnp.where(sites[:, None], take(motion.kin.site_xpos, site), on_body)
         pos.append(on_body)
         body.append(b)
         link.append(model.body_link[b])
-        omega.append(gather_or_zero(scene.vel.cvel, link[-1])[:, :3])
+        omega.append(gather_or_zero(motion.vel.cvel, link[-1])[:, :3])
     return Ends(tuple(pos), tuple(omega), tuple(body), tuple(link))
 
 
-def twist_rows(scene: Scene, e: Ends, side: int, rotation: bool) -> Float[Array, "n d 6"]:
+def twist_rows(motion: Motion, e: Ends, side: int, rotation: bool) -> Float[Array, "n d 6"]:
     """Maps from a link's twist to the velocity of its point, and to its angular velocity."""
-    arm = e.pos[side] - gather_or_zero(scene.link_origins(), e.link[side])
+    arm = e.pos[side] - gather_or_zero(motion.link_origins(), e.link[side])
     return jax.vmap(lambda r: point_map(r, rotation))(arm)
 
 
@@ -72,12 +72,12 @@ def point_map(arm: Float[Array, "3"], rotation: bool) -> Float[Array, "d 6"]:
     return jnp.concatenate([linear, jnp.concatenate([eye, jnp.zeros_like(eye)], axis=1)])
 
 
-def bias_acceleration(scene: Scene, e: Ends) -> Float[Array, "n 6"]:
+def bias_acceleration(motion: Motion, e: Ends) -> Float[Array, "n 6"]:
     """`dJ/dt qvel` of the relative motion: linear of the points, then angular."""
     total = 0.0
     for side, sign in ((0, 1.0), (1, -1.0)):
-        arm = e.pos[side] - gather_or_zero(scene.link_origins(), e.link[side])
-        a, v = (gather_or_zero(x, e.link[side]) for x in (scene.vel.bias, scene.vel.cvel))
+        arm = e.pos[side] - gather_or_zero(motion.link_origins(), e.link[side])
+        a, v = (gather_or_zero(x, e.link[side]) for x in (motion.vel.bias, motion.vel.cvel))
         moved = jax.vmap(acceleration_at)(a, v, arm)
         total = total + sign * jnp.concatenate([moved[:, 3:], moved[:, :3]], axis=1)
     return total

@@ -15,11 +15,11 @@ from jaxsim.constraint.equality import equality_blocks
 from jaxsim.constraint.few import with_few_contacts
 from jaxsim.constraint.friction import friction_blocks
 from jaxsim.constraint.limit import limit_blocks
-from jaxsim.constraint.operators import make_operator
-from jaxsim.constraint.scene import Scene
+from jaxsim.constraint.operators import TreeOperator, make_operator
+from jaxsim.dynamics.motion import Motion
 from jaxsim.model import Model, ModelError
 from jaxsim.model.dof_order import from_compound_order, to_compound_order
-from jaxsim.solver import LinearStatus, Operator, Problem, SolverStatus, attach_lifted, solve
+from jaxsim.solver import LinearStatus, Problem, SolverStatus, attach_lifted, solve
 
 _CONSTRAINT_OFF = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
 _CONTACT_OFF = mujoco.mjtDisableBit.mjDSBL_CONTACT
@@ -36,32 +36,34 @@ class Constrained:
     Attributes:
       qacc: acceleration.
       qfrc_constraint: generalised force of all constraints.
+      contact: the contacts.
+      contact_force: (force, torque) of each contact in its frame.
       blocks: the rows, equalities first, then dry friction, limits and contacts.
       forces: force of each row, block by block.
-      contact_force: (force, torque) of each contact in its frame.
-      status: how the solver fared; None without constraints.
+      status: how the solver fared.
     """
 
     qacc: Float[Array, "nv"]
     qfrc_constraint: Float[Array, "nv"]
+    contact: Contact
+    contact_force: Float[Array, "nc 6"]
     blocks: tuple[Block, ...]
     forces: tuple[Array, ...]
-    contact_force: Float[Array, "nc 6"]
     status: SolverStatus
 
 
-def constraint_blocks(scene: Scene, contact: Contact) -> list[Block]:
+def constraint_blocks(motion: Motion, contact: Contact) -> list[Block]:
     """All constraint rows, in MuJoCo's order."""
-    if scene.model.opt.disabled(_CONSTRAINT_OFF) or scene.model.nv == 0:
+    if motion.model.opt.disabled(_CONSTRAINT_OFF) or motion.model.nv == 0:
         return []
-    blocks = [*equality_blocks(scene), *friction_blocks(scene), *limit_blocks(scene)]
-    if not scene.model.opt.disabled(_CONTACT_OFF):
-        blocks += contact_blocks(scene, contact)
+    blocks = [*equality_blocks(motion), *friction_blocks(motion), *limit_blocks(motion)]
+    if not motion.model.opt.disabled(_CONTACT_OFF):
+        blocks += contact_blocks(motion, contact)
     return blocks
 
 
 def constrained_acceleration(
-    scene: Scene,
+    motion: Motion,
     contact: Contact,
     qfrc_smooth: Float[Array, "nv"],
     qacc_warmstart: Float[Array, "nv"],
@@ -72,20 +74,20 @@ def constrained_acceleration(
     If what goes into the solve or comes out of it is not finite, the acceleration is NaN.
 
     Args:
-      scene: model, position and velocity.
+      motion: position and velocity.
       contact: the contacts there.
       qfrc_smooth: all generalised forces but those of constraints, minus the bias.
       qacc_warmstart: a guess of the acceleration; without warm starts `qacc_smooth` is it.
     """
-    model = scene.model
-    blocks = constraint_blocks(scene, contact)
-    operator = make_operator(model, scene.kin, blocks, choose_strategy(model, blocks))
+    model = motion.model
+    blocks = constraint_blocks(motion, contact)
+    operator = make_operator(model, motion.kin, blocks, choose_strategy(model, blocks))
     problem = Problem(tuple(block.kind for block in blocks))
     force = to_compound_order(model, qfrc_smooth)
     if not blocks:
         y = operator.unconstrained(force)
         status = _unconstrained_status(-0.5 * force @ operator.vector(y))
-        return _outcome(scene, contact, blocks, operator, y, status)
+        return _outcome(motion, contact, blocks, operator, y, status)
     warm = not model.opt.disabled(_WARMSTART_OFF)
     minimise = functools.partial(
         solve,
@@ -100,38 +102,44 @@ def constrained_acceleration(
     # `solve` stops derivatives; what comes before it need not take any either.
     found = with_few_contacts(minimise, *lax.stop_gradient((problem, operator)))
     y = attach_lifted(found.x, problem, operator, force)
-    found = _outcome(scene, contact, blocks, operator, y, found.status)
+    found = _outcome(motion, contact, blocks, operator, y, found.status)
     return _with_nan_unless(found.status.finite, found)
 
 
-def constrained_at(scene: Scene, contact: Contact, qacc: Float[Array, "nv"]) -> Constrained:
+def constrained_at(motion: Motion, contact: Contact, qacc: Float[Array, "nv"]) -> Constrained:
     """The outcome if the acceleration is known: forces are explicit in it, nothing is solved.
 
     Args:
-      scene: model, position and velocity.
+      motion: position and velocity.
       contact: the contacts there.
       qacc: the acceleration.
     """
-    blocks = constraint_blocks(scene, contact)
-    operator = make_operator(scene.model, scene.kin, blocks, "articulated")
-    y = operator.lift(to_compound_order(scene.model, qacc))
+    blocks = constraint_blocks(motion, contact)
+    operator = make_operator(motion.model, motion.kin, blocks, "articulated")
+    y = operator.lift(to_compound_order(motion.model, qacc))
     return _outcome(
-        scene, contact, blocks, operator, y, _unconstrained_status(jnp.zeros((), qacc.dtype))
+        motion, contact, blocks, operator, y, _unconstrained_status(jnp.zeros((), qacc.dtype))
     )
 
 
 def _outcome(
-    scene: Scene, contact: Contact, blocks: list[Block], operator: Operator, y, status: SolverStatus
+    motion: Motion,
+    contact: Contact,
+    blocks: list[Block],
+    operator: TreeOperator,
+    y,
+    status: SolverStatus,
 ) -> Constrained:
     """Forces at a lifted acceleration, in MuJoCo's order."""
-    model, x = scene.model, operator.vector(y)
+    model, x = motion.model, operator.vector(y)
     forces = Problem(tuple(block.kind for block in blocks)).forces(operator.rows(y))
     return Constrained(
         qacc=from_compound_order(model, x),
-        qfrc_constraint=from_compound_order(model, _pulled(operator, forces, x)),
+        qfrc_constraint=from_compound_order(model, operator.pull(forces)),
+        contact=contact,
+        contact_force=contact_forces(contact, blocks, forces),
         blocks=tuple(blocks),
         forces=forces,
-        contact_force=contact_forces(contact, blocks, forces),
         status=status,
     )
 
@@ -165,11 +173,6 @@ def choose_strategy(model: Model, blocks: list[Block]) -> str:
     if not coupled:
         return "articulated"
     return "dense" if model.nv <= DENSE_LIMIT else "iterative"
-
-
-def _pulled(operator: Operator, forces, x):
-    """`J^T f`."""
-    return operator.residual(operator.lift(jnp.zeros_like(x)), forces)
 
 
 def _unconstrained_status(cost: Float[Array, ""]) -> SolverStatus:

@@ -3,7 +3,8 @@
 import jax
 import numpy as np
 
-from jaxsim.engine.step import Forward, Status
+from jaxsim.engine.report import Forward
+from jaxsim.engine.status import Status
 from jaxsim.model import JaxsimError, State
 
 
@@ -15,14 +16,16 @@ def check(result: State | Forward | Status) -> None:
     """Raise if a result, of one environment or of a batch, shows trouble.
 
     Args:
-      result: a state, or what `forward` returns, or its `status`; on the host, not inside `jit`.
+      result: a state, or what `forward` returns, or a status, as `step_with_status` and `rollout`
+        give it; on the host, not inside `jit`.
 
     Raises:
-      SimulationError: some numbers are not finite, or contacts found no slot.
+      SimulationError: some numbers are not finite, contacts found no slot, or conjugate gradients
+        ran out of iterations. Newton steps that run out are no error: models may ask for one.
       TypeError: the result is of another type.
     """
     if isinstance(result, State):
-        _check_finite(result.qpos, result.qvel)
+        _check_finite(result.qpos, result.qvel, result.act)
     elif isinstance(result, Forward):
         _check_finite(result.qacc)
         check(result.status)
@@ -50,8 +53,16 @@ def _check_status(status: Status) -> None:
             f"up to {int(lost.max())} contacts found no slot in {int((lost > 0).sum())} of "
             f"{lost.size} environments; load the model with a larger max_contacts or max_geom_pairs"
         )
-    if not np.all(np.asarray(status.finite)):
+    bad = ~np.asarray(status.finite)
+    if bad.any():
         raise SimulationError(
-            "the constraint solver met numbers that are not finite; use a smaller timestep or "
-            "check masses that differ by many orders of magnitude"
+            f"{int(bad.sum())} of {bad.size} environments met numbers that are not finite; use a "
+            "smaller timestep, or check the controls, and masses of many orders of magnitude"
+        )
+    short = ~np.asarray(status.cg_converged)
+    if short.any():
+        raise SimulationError(
+            f"conjugate gradients ran out of iterations in {int(short.sum())} of {short.size} "
+            "environments; load the model with hessian='dense', or check masses of many orders of "
+            "magnitude"
         )

@@ -4,7 +4,8 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
-from jaxsim.engine.integrate import Step
+from jaxsim.engine.integrators import Step
+from jaxsim.engine.status import Status
 from jaxsim.engine.step import whole_step
 from jaxsim.model import Model, State
 
@@ -19,12 +20,14 @@ def advance(model: Model, state: State, ctrl: Float[Array, "nu"], steps: int) ->
       steps: how many; the size of the program does not depend on it.
 
     Returns:
-      The last of the steps.
+      The last of the steps, with the status of all of them.
     """
 
     def body(found: Step, _):
-        return whole_step(model, found.after, ctrl), None
+        now = whole_step(model, found.after, ctrl)
+        return now.replace(status=found.status.then(now.status)), None
 
     # What the loop starts from is overwritten by the first step.
-    start = Step(state, state, jnp.zeros_like(state.qvel))
+    status = Status.empty(state.qpos.dtype)
+    start = Step(state, state, jnp.zeros_like(state.qvel), status)
     return lax.scan(body, start, length=steps)[0]

@@ -7,12 +7,11 @@ import jax.numpy as jnp
 from flax import struct
 from jaxtyping import Array, Float
 
-from jaxsim.collision import Contact
 from jaxsim.constraint import Constrained, constrained_at
-from jaxsim.dynamics.kinematics import Kinematics, kinematics
-from jaxsim.dynamics.velocity import Velocities, velocities
-from jaxsim.engine.pipeline import constraint_scene, evaluate, smooth_dynamics
+from jaxsim.dynamics.kinematics import Kinematics
+from jaxsim.dynamics.motion import Motion, motion_of
 from jaxsim.engine.readout import body_wrenches
+from jaxsim.engine.step import contacts, evaluate, forces
 from jaxsim.model import Model, State
 from jaxsim.quantities import body_forces
 
@@ -55,24 +54,21 @@ class Moment:
         return self.state.qvel
 
     @cached_property
+    def motion(self) -> Motion:
+        """Position and velocity of everything in the last evaluation of forces."""
+        return motion_of(self.model, self.last)
+
+    @property
     def kin(self) -> Kinematics:
-        """Kinematics of the last evaluation of forces."""
-        last = self.last
-        return kinematics(self.model, last.qpos, last.mocap_pos, last.mocap_quat)
+        """Kinematics of the last evaluation."""
+        return self.motion.kin
 
     @cached_property
-    def vel(self) -> Velocities:
-        """Velocities of the links in the last evaluation."""
-        return velocities(self.model, self.kin, self.last.qvel)
-
-    @cached_property
-    def _constraints(self) -> tuple[Contact, Constrained]:
+    def _constrained(self) -> Constrained:
         """Contacts and forces of the last evaluation; solved only after a reset."""
         if self.qacc_last is None:
-            now = evaluate(self.model, self.last, self.ctrl)
-            return now.contact, now.constrained
-        scene, contact = constraint_scene(self.model, self.last, self.kin, self.vel)
-        return contact, constrained_at(scene, contact, self.qacc_last)
+            return evaluate(self.model, self.last, self.ctrl).constrained
+        return constrained_at(self.motion, contacts(self.motion), self.qacc_last)
 
     @property
     def xpos(self) -> Float[Array, "nbody 3"]:
@@ -117,27 +113,27 @@ class Moment:
     @property
     def cvel(self) -> Float[Array, "nbody 6"]:
         """Twists of the bodies about the centre of mass of their tree."""
-        return body_forces.cvel(self.model, self.kin, self.vel)
+        return body_forces.cvel(self.model, self.kin, self.motion.vel)
 
     @property
     def qfrc_actuator(self) -> Float[Array, "nv"]:
         """Generalised forces of the actuators."""
-        return smooth_dynamics(self.model, self.last, self.ctrl).actuation.qfrc_actuator
+        return forces(self.motion, self.last, self.ctrl)[1].qfrc_actuator
 
     @property
     def qfrc_constraint(self) -> Float[Array, "nv"]:
         """Generalised forces of all constraints."""
-        return self._constraints[1].qfrc_constraint
+        return self._constrained.qfrc_constraint
 
     @property
     def qacc(self) -> Float[Array, "nv"]:
         """Acceleration."""
-        return self._constraints[1].qacc
+        return self._constrained.qacc
 
     @property
     def cfrc_ext(self) -> Float[Array, "nbody 6"]:
         """External wrenches on the bodies as of `mj_rnePostConstraint`; zero at a reset."""
         if self.qacc_last is None:
             return jnp.zeros((self.model.nbody, 6), self.qpos.dtype)
-        wrench = body_wrenches(self.model, self.last, self.kin, *self._constraints)
+        wrench = body_wrenches(self.motion, self.last, self._constrained)
         return body_forces.cfrc_ext(self.model, self.kin, wrench)

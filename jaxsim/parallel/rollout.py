@@ -6,7 +6,6 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-from jax import lax
 from jax.sharding import Mesh
 from jaxtyping import Array, Float
 
@@ -14,7 +13,8 @@ from jaxsim.arrays.checkpoint import checkpoint
 from jaxsim.batching.memo import is_traced
 from jaxsim.batching.vmap import vmap
 from jaxsim.dynamics.components import motion_components
-from jaxsim.engine.step import step
+from jaxsim.engine.status import Status
+from jaxsim.engine.step import scan_steps, step_with_status
 from jaxsim.model import Model, State
 from jaxsim.model.facts import Constants
 from jaxsim.parallel.chunks import VECTOR, chunk_lanes, map_chunks
@@ -26,7 +26,9 @@ def batch_rollout(
     states: State,
     ctrls: Float[Array, "B T nu"],
     observe: Callable[[State], Any] | None = None,
-) -> State | tuple[State, Any]:
+    *,
+    status: bool = False,
+) -> State | tuple[State, Any] | tuple[State, Any, Status]:
     """Simulate a batch of environments over sequences of controls.
 
     The batch is split over all devices, and on a CPU into chunks that stay in cache. For a CPU,
@@ -39,34 +41,41 @@ def batch_rollout(
       states: states with a leading batch axis.
       ctrls: controls of each environment and step.
       observe: function of the state of one environment, evaluated after each step.
+      status: whether to tell how the solves of each environment went, over all its steps.
 
     Returns:
-      The final states; with `observe`, also its results with leading axes (B, T).
+      The final states; with `observe`, also its results with leading axes (B, T); with `status`,
+      also that of each environment.
 
     Raises:
       ValueError: shapes do not fit together.
     """
     _check(model, states, ctrls)
-    alone = functools.partial(_part_of_a_program, model, states, ctrls, observe)
+    alone = functools.partial(_part_of_a_program, model, states, ctrls, observe, status)
     if is_traced((model, states, ctrls)):
-        return alone()
+        return _asked_for(alone(), observe, status)
     mesh = device_mesh(jax.local_devices())
     batch = ctrls.shape[0]
     padded = -(-batch // mesh.size) * mesh.size
     pad = functools.partial(_pad, rows=padded - batch)
     states, ctrls = split(jax.tree.map(pad, (states, ctrls)), mesh)
     if is_traced(ctrls):  # within `jax.jit` everything is
-        return alone()
-    run = _compiled(observe, mesh, Constants.of(model, motion_components.leaves))
-    final, seen = run(everywhere(model, mesh), states, ctrls)
-    final, seen = (
-        jax.tree.map(lambda x: x[:batch], (final, seen)) if padded > batch else (final, seen)
-    )
-    return final if observe is None else (final, seen)
+        return _asked_for(alone(), observe, status)
+    run = _compiled(observe, status, mesh, Constants.of(model, motion_components.leaves))
+    found = run(everywhere(model, mesh), states, ctrls)
+    if padded > batch:
+        found = jax.tree.map(lambda x: x[:batch], found)
+    return _asked_for(found, observe, status)
+
+
+def _asked_for(found, observe, status: bool):
+    """What the user wants of final states, observations and statuses."""
+    asked = [x for x, wanted in zip(found, (True, observe, status), strict=True) if wanted]
+    return tuple(asked) if len(asked) > 1 else asked[0]
 
 
 @functools.lru_cache(maxsize=16)
-def _compiled(observe, mesh: Mesh, constants: Constants):
+def _compiled(observe, status: bool, mesh: Mesh, constants: Constants):
     """The rollout of all chunks on all devices; one compilation for each model structure.
 
     The directions of the joints are part of the program, so that it can be a planar one.
@@ -75,32 +84,29 @@ def _compiled(observe, mesh: Mesh, constants: Constants):
 
     def shard(model, states, ctrls):
         model = constants.put_into(model)
-        advance = functools.partial(step, model)
-        return _on_one_device(model, advance, observe, states, ctrls, platform)
+        run = _run(functools.partial(step_with_status, model), observe, status)
+        return _on_one_device(model, run, states, ctrls, platform)
 
     return parallel(shard, mesh, (EVERYWHERE, SPLIT, SPLIT), SPLIT)
 
 
-def _part_of_a_program(model: Model, states: State, ctrls, observe) -> State | tuple[State, Any]:
-    advance = checkpoint(functools.partial(step, model))
-    final, seen = _on_one_device(model, advance, observe, states, ctrls, jax.default_backend())
-    return final if observe is None else (final, seen)
+def _part_of_a_program(model: Model, states: State, ctrls, observe, status: bool):
+    run = _run(checkpoint(functools.partial(step_with_status, model)), observe, status)
+    return _on_one_device(model, run, states, ctrls, jax.default_backend())
 
 
-def _on_one_device(model: Model, advance, observe, states, ctrls, platform: str):
-    batched = vmap(functools.partial(_rollout, advance, observe))
+def _run(advance, observe, status: bool):
+    """The rollout of one environment."""
+    observe = observe or (lambda state: ())
+    return functools.partial(scan_steps, advance, observe, status)
+
+
+def _on_one_device(model: Model, run, states: State, ctrls, platform: str):
+    batched = vmap(run)
     limit = chunk_lanes(model)
     if platform != "cpu" or ctrls.shape[0] <= limit:
         return batched(states, ctrls)
     return _chunked(batched, states, ctrls, limit)
-
-
-def _rollout(advance, observe, state: State, ctrls: Float[Array, "T nu"]):
-    def body(state, ctrl):
-        state = advance(state, ctrl)
-        return state, () if observe is None else observe(state)
-
-    return lax.scan(body, state, ctrls)
 
 
 def _chunked(f, states, ctrls, limit: int):

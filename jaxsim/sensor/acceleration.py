@@ -39,7 +39,7 @@ def torque(r: Readings, g: Group) -> Float[Array, "n 3"]:
     """Torque of the parent on a site's body about the site, in the site's frame (N m)."""
     body = r.model.site_bodyid[g.obj]
     pos, mat = r.frame(_SITE, g.obj)
-    arm = take(r.signals.kin.subtree_com, r.model.body_rootid[body]) - pos
+    arm = take(r.motion.kin.subtree_com, r.model.body_rootid[body]) - pos
     return into_frame(mat, jax.vmap(wrench_from)(take(r.cfrc_int, body), arm)[:, :3])
 
 

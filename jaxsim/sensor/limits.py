@@ -22,8 +22,8 @@ def joint_limit(r: Readings, g: Group) -> tuple[Float[Array, "n"], Float[Array, 
     if _off(model):
         return jnp.zeros(len(g)), jnp.zeros(len(g))
     joint = JOINTS[g.variant]
-    q = position_rows(model, r.signals.qpos, g.obj).blocks()
-    v = velocity_rows(model, r.signals.qvel, g.obj).blocks()
+    q = position_rows(model, r.motion.qpos, g.obj).blocks()
+    v = velocity_rows(model, r.motion.qvel, g.obj).blocks()
     lower, upper, gradient = jax.vmap(joint.limit)(q, take(model.jnt_range, g.obj))
     rate = jnp.sum(gradient * v, axis=1)
     result = jax.vmap(_nearer_end)(lower, upper, rate, take(model.jnt_margin, g.obj))

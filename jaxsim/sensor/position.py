@@ -19,13 +19,13 @@ _SITE = int(mujoco.mjtObj.mjOBJ_SITE)
 
 def jointpos(r: Readings, g: Group) -> Float[Array, "n 1"]:
     """Position of a slide joint (m) or hinge (rad)."""
-    return take(r.signals.qpos, r.model.jnt_qposadr[g.obj])[:, None]
+    return take(r.motion.qpos, r.model.jnt_qposadr[g.obj])[:, None]
 
 
 def ballquat(r: Readings, g: Group) -> Float[Array, "n 4"]:
     """Orientation of a ball joint, normalised."""
     start = r.model.jnt_qposadr[g.obj]
-    return jax.vmap(quat_normalize)(jnp.stack([r.signals.qpos[i : i + 4] for i in start]))
+    return jax.vmap(quat_normalize)(jnp.stack([r.motion.qpos[i : i + 4] for i in start]))
 
 
 def tendonpos(r: Readings, g: Group) -> Float[Array, "n 1"]:
@@ -76,7 +76,7 @@ def frameaxis(r: Readings, g: Group) -> Float[Array, "n 3"]:
 
 def subtreecom(r: Readings, g: Group) -> Float[Array, "n 3"]:
     """Centre of mass of a body's subtree (m)."""
-    return take(r.signals.kin.subtree_com, g.obj)
+    return take(r.motion.kin.subtree_com, g.obj)
 
 
 def magnetometer(r: Readings, g: Group) -> Float[Array, "n 3"]:
@@ -92,7 +92,7 @@ def insidesite(r: Readings, g: Group) -> Float[Array, "n 1"]:
         light = take(r.model.body_mass, g.obj) < MINVAL
         heavy_below = take(r.model.body_subtreemass, g.obj) >= MINVAL
         use_subtree = light & heavy_below & jnp.asarray(g.obj > 0)
-        pos = jnp.where(use_subtree[:, None], take(r.signals.kin.subtree_com, g.obj), pos)
+        pos = jnp.where(use_subtree[:, None], take(r.motion.kin.subtree_com, g.obj), pos)
     origin, mat = r.frame(_SITE, g.ref)
     size = take(r.model.site_size, g.ref)
     within = jax.vmap(lambda s, p: inside(g.variant, s, p))(size, into_frame(mat, pos - origin))

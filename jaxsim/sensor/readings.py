@@ -10,7 +10,6 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsim.arrays.indexing import take
-from jaxsim.model import Model
 from jaxsim.quantities import body_forces
 from jaxsim.quantities.momentum import subtree_velocities
 from jaxsim.sensor.signals import Signals
@@ -30,43 +29,43 @@ _FRAMES = {
 
 
 class Readings:
-    """A model with its signals, and what follows from them. Lives for one evaluation."""
+    """Signals, and what follows from them. Lives for one evaluation."""
 
-    def __init__(self, model: Model, signals: Signals):
-        self.model = model
+    def __init__(self, signals: Signals):
+        self.motion, self.model = signals.motion, signals.motion.model
         # Untyped: which optional fields are there was checked against the sensors before.
         self.signals: Any = signals
 
     @functools.cached_property
     def inertia(self) -> Inertia:
         """Inertias of all bodies about `tree_com`."""
-        return body_forces.body_inertias(self.model, self.signals.kin)
+        return body_forces.body_inertias(self.model, self.motion.kin)
 
     @functools.cached_property
     def cvel(self) -> Float[Array, "nbody 6"]:
         """Twists of all bodies about `tree_com`."""
-        return body_forces.cvel(self.model, self.signals.kin, self.signals.vel)
+        return body_forces.cvel(self.model, self.motion.kin, self.motion.vel)
 
     @functools.cached_property
     def cacc(self) -> Float[Array, "nbody 6"]:
         """Accelerations of all bodies about `tree_com`."""
-        s = self.signals
-        return body_forces.cacc(self.model, s.kin, s.vel, s.qacc)
+        motion = self.motion
+        return body_forces.cacc(self.model, motion.kin, motion.vel, self.signals.qacc)
 
     @functools.cached_property
     def cfrc_int(self) -> Float[Array, "nbody 6"]:
         """Wrenches from the parents about `tree_com`."""
-        external = body_forces.cfrc_ext(self.model, self.signals.kin, self.signals.body_wrench)
+        external = body_forces.cfrc_ext(self.model, self.motion.kin, self.signals.body_wrench)
         return body_forces.cfrc_int(self.model, self.inertia, self.cvel, self.cacc, external)
 
     @functools.cached_property
     def subtree_velocities(self) -> tuple[Float[Array, "nbody 3"], Float[Array, "nbody 3"]]:
         """Velocities of the subtrees' centres of mass, and angular momenta about them."""
-        return subtree_velocities(self.model, self.signals.kin, self.signals.vel)
+        return subtree_velocities(self.model, self.motion.kin, self.motion.vel)
 
     def frame(self, objtype: int, ids: np.ndarray) -> tuple[Array, Array]:
         """Positions (n, 3) and orientations (n, 3, 3) of objects of one kind."""
-        pos, mat = (getattr(self.signals.kin, name) for name in _FRAMES[objtype])
+        pos, mat = (getattr(self.motion.kin, name) for name in _FRAMES[objtype])
         return take(pos, ids), take(mat, ids)
 
     def body(self, objtype: int, ids: np.ndarray) -> np.ndarray:
@@ -78,7 +77,7 @@ class Readings:
     def quat(self, objtype: int, ids: np.ndarray) -> Float[Array, "n 4"]:
         """Orientations of objects of one kind; the signs are MuJoCo's."""
         model = self.model
-        base = take(self.signals.kin.xquat, self.body(objtype, ids))
+        base = take(self.motion.kin.xquat, self.body(objtype, ids))
         local = {_BODY: model.body_iquat, _GEOM: model.geom_quat, _SITE: model.site_quat}
         if objtype not in local:
             return base
@@ -103,7 +102,7 @@ class Readings:
 
     def _arm(self, objtype: int, ids: np.ndarray, body: np.ndarray) -> Float[Array, "n 3"]:
         """Objects as seen from `tree_com` of their bodies."""
-        com = take(self.signals.kin.subtree_com, self.model.body_rootid[body])
+        com = take(self.motion.kin.subtree_com, self.model.body_rootid[body])
         return self.frame(objtype, ids)[0] - com
 
 

@@ -72,27 +72,26 @@ def needs(model: Model) -> frozenset[str]:
     return frozenset(name for kind in kinds(model) for name in _SENSORS[kind][1])
 
 
-def sensordata(model: Model, signals: Signals) -> Float[Array, "nsensordata"]:
+def sensordata(signals: Signals) -> Float[Array, "nsensordata"]:
     """Readings of all sensors, cut off where the model says so.
 
     Sensors of one type are read together, and only what the model's sensors need is computed.
     Disabled sensors read zero.
 
     Args:
-      model: the model.
       signals: what sensors read; of the optional fields, those in `needs(model)`.
 
     Raises:
       ValueError: an optional signal is missing that a sensor reads.
       ModelError: a sensor is attached to a camera.
     """
-    dtype = signals.qpos.dtype
+    model, dtype = signals.motion.model, signals.motion.qpos.dtype
     if not model.nsensor or model.opt.disabled(_SENSOR_OFF):
         return jnp.zeros(model.nsensordata, dtype)
     missing = sorted(name for name in needs(model) if getattr(signals, name) is None)
     if missing:
         raise ValueError(f"the model's sensors need the signals {', '.join(missing)}; got None")
-    readings, groups = Readings(model, signals), group_sensors(model)
+    readings, groups = Readings(signals), group_sensors(model)
     values = [_SENSORS[g.kind][0](readings, g).astype(dtype).ravel() for g in groups]
     address = np.concatenate([_addresses(model, g) for g in groups])
     return _cut_off(model, take(jnp.concatenate(values), np.argsort(address)))

@@ -3,8 +3,7 @@
 from flax import struct
 from jaxtyping import Array, Float
 
-from jaxsim.dynamics.kinematics import Kinematics
-from jaxsim.dynamics.velocity import Velocities
+from jaxsim.dynamics.motion import Motion
 from jaxsim.forces.external import ContactGeometry
 
 
@@ -12,13 +11,10 @@ from jaxsim.forces.external import ContactGeometry
 class Signals:
     """What sensors read, in MuJoCo's order and units.
 
-    The first four are always needed; `needs(model)` names which of the others are.
+    The first is always needed; `needs(model)` names which of the others are.
 
     Attributes:
-      qpos: coordinates.
-      qvel: velocities.
-      kin: `kinematics(model, qpos)`.
-      vel: `velocities(model, kin, qvel)`.
+      motion: position and velocity.
       time: seconds.
       energy: potential and kinetic energy (J).
       tendon_length: lengths of the tendons (m).
@@ -38,10 +34,7 @@ class Signals:
       tendon_limit_force: likewise for tendons.
     """
 
-    qpos: Float[Array, "nq"]
-    qvel: Float[Array, "nv"]
-    kin: Kinematics
-    vel: Velocities
+    motion: Motion
     time: Float[Array, ""] | None = None
     energy: Float[Array, "2"] | None = None
     tendon_length: Float[Array, "ntendon"] | None = None

@@ -26,12 +26,12 @@ def gyro(r: Readings, g: Group) -> Float[Array, "n 3"]:
 
 def jointvel(r: Readings, g: Group) -> Float[Array, "n 1"]:
     """Velocity of a slide joint (m/s) or hinge (rad/s)."""
-    return take(r.signals.qvel, r.model.jnt_dofadr[g.obj])[:, None]
+    return take(r.motion.qvel, r.model.jnt_dofadr[g.obj])[:, None]
 
 
 def ballangvel(r: Readings, g: Group) -> Float[Array, "n 3"]:
     """Angular velocity of a ball joint in the axes of its body (rad/s)."""
-    return jnp.stack([r.signals.qvel[i : i + 3] for i in r.model.jnt_dofadr[g.obj]])
+    return jnp.stack([r.motion.qvel[i : i + 3] for i in r.model.jnt_dofadr[g.obj]])
 
 
 def tendonvel(r: Readings, g: Group) -> Float[Array, "n 1"]:

@@ -20,7 +20,7 @@ from oracle import assert_close, quick_jit
 from random_models import CONSTRAINED, random_model
 from scenes import SCENES
 
-from jaxsim.engine.step import forward, inverse
+from jaxsim.engine.report import forward, inverse
 from jaxsim.io import load
 
 CASES = [(name, "pyramidal") for name in SCENES] + [("floor", "elliptic"), ("pile", "elliptic")]

@@ -12,8 +12,8 @@ from oracle import assert_close, quick_jit
 from scenes import FLOOR, PILE
 
 import jaxsim
-from jaxsim.engine.pipeline import evaluate
-from jaxsim.engine.step import forward
+from jaxsim.engine.report import forward
+from jaxsim.engine.step import evaluate
 from jaxsim.io import load
 from jaxsim.model import ModelError, make_state
 
@@ -51,7 +51,7 @@ def test_flags_switch_what_they_name():
     states, ctrl = batch_states(load(converging(MIXED)), common)
 
     def accelerations(models, state, ctrl):
-        return {name: evaluate(m, state, ctrl).constrained.qacc for name, m in models.items()}
+        return {name: evaluate(m, state, ctrl).qacc for name, m in models.items()}
 
     got = quick_jit(jax.vmap(accelerations, (None, 0, 0)))(models, states, ctrl)
     for flag, qacc in got.items():
@@ -69,7 +69,7 @@ def test_impratio_is_a_leaf(cone):
     @quick_jit
     def solve(impratio):
         changed = model.replace(opt=model.opt.replace(impratio=impratio))
-        return jax.vmap(lambda s, c: evaluate(changed, s, c).constrained.qacc)(states, ctrl)
+        return jax.vmap(lambda s, c: evaluate(changed, s, c).qacc)(states, ctrl)
 
     for impratio in (0.5, 1.0, 30.0):
         mj.opt.impratio = impratio
@@ -116,7 +116,7 @@ def test_coupled_rows_need_another_strategy_than_articulated():
 def _by_strategy(model, datas, strategies):
     def solve(state, ctrl):
         variants = {name: model.replace(hessian=name) for name in strategies}
-        return {n: evaluate(m, state, ctrl).constrained.qacc for n, m in variants.items()}
+        return {n: evaluate(m, state, ctrl).qacc for n, m in variants.items()}
 
     return quick_jit(jax.vmap(solve))(*batch_states(model, datas))
 

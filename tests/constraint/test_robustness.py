@@ -7,7 +7,7 @@ import pytest
 from oracle import quick_jit
 
 import jaxsim
-from jaxsim.engine.step import forward, step
+from jaxsim.engine import forward, step
 from jaxsim.io import load
 from jaxsim.model import make_state
 

@@ -6,13 +6,9 @@ import numpy as np
 from oracle import assert_close, quick_jit, stack
 from random_models import random_states
 
-from jaxsim.dynamics.aba import solve_mass
-from jaxsim.dynamics.kinematics import kinematics
-from jaxsim.dynamics.rnea import qfrc_bias
-from jaxsim.dynamics.velocity import velocities
-from jaxsim.engine.integrate import Instant, integrate
-from jaxsim.forces.actuation import actuation
-from jaxsim.forces.passive import passive_forces
+from jaxsim import engine
+from jaxsim.engine.instant import Instant
+from jaxsim.engine.step import evaluate
 from jaxsim.io import load
 from jaxsim.model import make_state
 
@@ -68,9 +64,8 @@ def oracle(mj: mujoco.MjModel, qpos, qvel, act, ctrl) -> dict[str, np.ndarray]:
 def smooth_step(model, qpos, qvel, act, ctrl) -> dict:
     """What we say."""
     state = make_state(model).replace(qpos=qpos, qvel=qvel, act=act)
-    now, passive = evaluate(model, state, ctrl)
-    after = integrate(model, state, now, lambda s: evaluate(model, s, ctrl)[0])
-    values = {name: getattr(passive, name) for name in INSTANT if hasattr(passive, name)}
+    now, after = smooth(model, state, ctrl), step(model, state, ctrl)
+    values = {name: getattr(now.passive, name) for name in INSTANT if hasattr(now.passive, name)}
     values |= {
         name: getattr(now.actuation, name)
         for name in INSTANT
@@ -80,11 +75,16 @@ def smooth_step(model, qpos, qvel, act, ctrl) -> dict:
     return values | {"qacc_smooth": now.qacc}
 
 
-def evaluate(model, state, ctrl):
-    """What the integrators need, without constraints; and the passive forces."""
-    kin = kinematics(model, state.qpos, state.mocap_pos, state.mocap_quat)
-    vel = velocities(model, kin, state.qvel)
-    passive = passive_forces(model, kin, vel, state.qpos, state.qvel)
-    acting = actuation(model, kin, state.qpos, state.qvel, state.act, ctrl, passive.qfrc_gravcomp)
-    force = passive.qfrc_passive + acting.qfrc_actuator - qfrc_bias(model, kin, vel)
-    return Instant(kin, vel, acting, force, solve_mass(model, kin, force)), passive
+def smooth(model, state, ctrl) -> Instant:
+    """What is known of a state without constraints."""
+    return evaluate(_unconstrained(model), state, ctrl)
+
+
+def step(model, state, ctrl):
+    """The next state without constraints."""
+    return engine.step(_unconstrained(model), state, ctrl)
+
+
+def _unconstrained(model):
+    flags = model.opt.disableflags | int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    return model.replace(opt=model.opt.replace(disableflags=flags))

@@ -8,9 +8,8 @@ import pytest
 from oracle import quick_jit
 from random_models import random_states
 from smooth_models import FLUID, arm, kitchen_sink
-from smooth_stages import evaluate
+from smooth_stages import step
 
-from jaxsim.engine.integrate import integrate
 from jaxsim.io import load
 from jaxsim.joints.coordinates import difference_pos, integrate_pos
 from jaxsim.model import make_state
@@ -53,8 +52,7 @@ def test_step_in_both_modes(xml, at_rest):
         state = make_state(model)
         start = integrate_pos(model, jnp.asarray(qpos), dq, 1.0)
         state = state.replace(qpos=start, qvel=qvel + dv, act=0.4 + act)
-        now, _ = evaluate(model, state, 0.2 + ctrl)
-        after = integrate(model, state, now, lambda s: evaluate(model, s, 0.2 + ctrl)[0])
+        after = step(model, state, 0.2 + ctrl)
         moved = difference_pos(model, jnp.asarray(qpos), after.qpos)
         return jnp.concatenate([moved, after.qvel, after.act])
 

@@ -8,7 +8,7 @@ import pytest
 from oracle import quick_jit
 from random_models import random_states
 from smooth_models import FLUID, kitchen_sink
-from smooth_stages import evaluate
+from smooth_stages import smooth
 
 from jaxsim.dynamics.rnea import qfrc_bias
 from jaxsim.dynamics.transmission import actuator_moment
@@ -34,15 +34,16 @@ def sink():
 
 def _quantities(model, qpos, qvel, ctrl):
     state = make_state(model).replace(qpos=qpos, qvel=qvel)
-    now, passive = evaluate(model, state, ctrl)
-    damping = smooth_damping(model, now.kin, now.vel, qvel, now.actuation)
+    now = smooth(model, state, ctrl)
+    kin, passive = now.motion.kin, now.passive
+    damping = smooth_damping(model, kin, now.motion.vel, qvel, now.actuation)
     return {
         "damper": passive.qfrc_damper,
         "fluid": passive.qfrc_fluid,
         "spring": passive.qfrc_spring,
         "moment": actuator_moment(model, now.actuation.transmission),
         "velocity": now.actuation.actuator_velocity,
-        "damping": damping_matrix(model, now.kin, damping),
+        "damping": damping_matrix(model, kin, damping),
     }
 
 
@@ -94,7 +95,7 @@ def test_a_body_that_drifts_with_the_wind_feels_no_drag():
     )
     state = make_state(model)
     drifting = state.replace(qvel=jnp.asarray([1.0, 2.0, 3.0, 0.0, 0.0, 0.0]))
-    compute = quick_jit(lambda s: evaluate(model, s, None)[1].qfrc_fluid)
+    compute = quick_jit(lambda s: smooth(model, s, None).passive.qfrc_fluid)
     for s, is_zero in ((drifting, True), (state, False)):
         drag = compute(s)
         assert (np.abs(drag).max() < 1e-12) == is_zero
@@ -109,8 +110,8 @@ def test_full_gravity_compensation_leaves_no_weight():
 
     @quick_jit
     def compute(state):
-        now, passive = evaluate(model, state, None)
-        return qfrc_bias(model, now.kin, now.vel), passive.qfrc_passive
+        now = smooth(model, state, None)
+        return qfrc_bias(model, now.motion.kin, now.motion.vel), now.passive.qfrc_passive
 
     weight, compensation = compute(make_state(model))
     assert np.abs(weight).max() > 1
@@ -123,4 +124,4 @@ def test_controls_default_to_zero():
         <actuator><position joint="a" kp="2"/></actuator></mujoco>"""
     )
     state = make_state(model).replace(qpos=jnp.asarray([0.5]))
-    assert float(evaluate(model, state, None)[0].actuation.actuator_force[0]) == -1.0
+    assert float(smooth(model, state, None).actuation.actuator_force[0]) == -1.0

@@ -7,8 +7,8 @@ import pytest
 from oracle import quick_jit
 
 import jaxsim
+from jaxsim.engine import Status, forward
 from jaxsim.engine.check import SimulationError
-from jaxsim.engine.step import Status, forward
 from jaxsim.io import load
 from jaxsim.model import make_state
 
@@ -23,8 +23,10 @@ FLOOR = f"<mujoco><worldbody><geom type='plane' size='9 9 1'/>{BALLS}</worldbody
 def status(**changes):
     fields = {
         "iterations": jnp.zeros(3, int),
+        "converged": jnp.ones(3, bool),
+        "cg_iterations": jnp.zeros(3, int),
+        "cg_converged": jnp.ones(3, bool),
         "residual": jnp.zeros(3),
-        "cost": jnp.zeros(3),
         "finite": jnp.ones(3, bool),
         "contact_overflow": jnp.zeros(3, int),
     }
@@ -49,9 +51,15 @@ def test_states_that_are_not_finite_are_counted(bundled):
         jaxsim.check(jax.tree.map(lambda x: x[3], bad))
 
 
-def test_the_solver_reports_numbers_that_are_not_finite():
-    with pytest.raises(SimulationError, match="solver met numbers that are not finite"):
+def test_a_status_reports_numbers_that_are_not_finite():
+    with pytest.raises(SimulationError, match="1 of 3 .* numbers that are not finite"):
         jaxsim.check(status(finite=jnp.array([True, False, True])))
+
+
+def test_conjugate_gradients_that_ran_out_are_reported_but_newton_steps_are_not():
+    jaxsim.check(status(converged=jnp.array([True, False, True])))
+    with pytest.raises(SimulationError, match="gradients ran out .* in 2 of 3 .*hessian='dense'"):
+        jaxsim.check(status(cg_converged=jnp.array([True, False, False])))
 
 
 def test_lost_contacts_are_counted():

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from jaxsim.dynamics.kinematics import kinematics
+from jaxsim.dynamics.motion import Motion
 from jaxsim.dynamics.velocity import velocities
 from jaxsim.forces.external import external_wrench
 from jaxsim.sensor import Signals
@@ -172,11 +173,10 @@ def _signals(model, values) -> Signals:
     wrench = external_wrench(
         model, kin, v["xfrc_applied"], contact, v["contact_force"], v["eq_force"]
     )
-    same = "qpos qvel qacc energy time qfrc_actuator actuator_length actuator_velocity "
+    same = "qacc energy time qfrc_actuator actuator_length actuator_velocity "
     same += "actuator_force contact_force joint_limit_force tendon_limit_force"
     return Signals(
-        kin=kin,
-        vel=velocities(model, kin, v["qvel"]),
+        motion=Motion(model, v["qpos"], v["qvel"], kin, velocities(model, kin, v["qvel"])),
         tendon_length=v["ten_length"],
         tendon_velocity=v["ten_velocity"],
         body_wrench=wrench,

@@ -22,7 +22,7 @@ XML = """
 
 
 def speed(r, g):
-    return jnp.broadcast_to(jnp.linalg.norm(r.signals.qvel), (len(g), 1))
+    return jnp.broadcast_to(jnp.linalg.norm(r.motion.qvel), (len(g), 1))
 
 
 def test_a_sensor_is_a_function_and_a_line(monkeypatch):

@@ -49,7 +49,7 @@ def function(scene, signals):
 
     def f(x):
         motion = zip(names, jnp.split(x, ends[:-1]), strict=True)
-        return sensordata(model, signals(model, values | dict(motion)))
+        return sensordata(signals(model, values | dict(motion)))
 
     return f, jnp.asarray(np.concatenate([values[name] for name in names]), float)
 

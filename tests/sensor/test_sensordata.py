@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from mujoco_records import evaluated, record, rollout
 
+from jaxsim.dynamics.motion import Motion
 from jaxsim.io import build
 from jaxsim.model import ModelError
 from jaxsim.sensor import SUPPORTED, Signals, needs, sensordata
@@ -24,7 +25,7 @@ def read(signals):
 
 @functools.cache
 def _reader(signals):
-    return jax.jit(lambda model, values: sensordata(model, signals(model, values)))
+    return jax.jit(lambda model, values: sensordata(signals(model, values)))
 
 
 def assert_equal_by_sensor(mj, actual, expected):
@@ -43,7 +44,7 @@ def assert_equal_by_sensor(mj, actual, expected):
 
 def no_signals(model):
     """Signals that must not be read."""
-    return Signals(qpos=model.qpos0, qvel=jnp.zeros(model.nv), kin=None, vel=None)
+    return Signals(Motion(model, model.qpos0, jnp.zeros(model.nv), kin=None, vel=None))
 
 
 PENDULUM = """
@@ -131,9 +132,7 @@ def test_touch_with_static_and_without_contacts(oracle, signals, x64):
         "contact_force": values["contact_force"][:0],
     }
     # The contacts are not arguments, so their geoms are static.
-    pressed, lifted = jax.jit(
-        lambda: [sensordata(model, signals(model, v)) for v in (values, none)]
-    )()
+    pressed, lifted = jax.jit(lambda: [sensordata(signals(model, v)) for v in (values, none)])()
     assert data.sensordata[0] > 0
     np.testing.assert_allclose(pressed, [data.sensordata[0], 0], rtol=1e-12)
     np.testing.assert_array_equal(lifted, [0, 0])
@@ -153,7 +152,7 @@ def test_disabled_sensors_read_zero_and_need_nothing(oracle):
     off = '<mujoco><option><flag sensor="disable"/></option>'
     model = build(oracle(PENDULUM.replace("<mujoco>", off))[0])
     assert needs(model) == frozenset()
-    np.testing.assert_array_equal(sensordata(model, no_signals(model)), np.zeros(24))
+    np.testing.assert_array_equal(sensordata(no_signals(model)), np.zeros(24))
 
 
 def test_limits_switched_off_read_zero(oracle, read):
@@ -171,12 +170,12 @@ def test_needs_names_what_the_sensors_read(oracle):
     model = build(oracle(PENDULUM)[0])
     assert needs(model) == {"qacc", "body_wrench"}
     with pytest.raises(ValueError, match="body_wrench, qacc"):
-        sensordata(model, no_signals(model))
+        sensordata(no_signals(model))
 
 
 def test_model_without_sensors(oracle):
     model = build(oracle(TOUCH.split("<sensor>")[0] + "</mujoco>")[0])
-    assert sensordata(model, no_signals(model)).shape == (0,)
+    assert sensordata(no_signals(model)).shape == (0,)
 
 
 def test_frames_of_cameras_are_refused(oracle):
@@ -184,7 +183,7 @@ def test_frames_of_cameras_are_refused(oracle):
     sensor = '<framepos name="view" objtype="camera" objname="eye"/>'
     mj, _ = oracle(f"<mujoco><worldbody>{body}</worldbody><sensor>{sensor}</sensor></mujoco>")
     with pytest.raises(ModelError, match="camera"):
-        sensordata(model := build(mj), no_signals(model))
+        sensordata(no_signals(build(mj)))
 
 
 def test_precision_follows_the_signals(oracle, read):

@@ -10,13 +10,8 @@ import pytest
 from oracle import quick_jit
 from random_models import random_model, random_states
 
-from jaxsim.dynamics.aba import forward_dynamics
-from jaxsim.dynamics.kinematics import kinematics
-from jaxsim.dynamics.rnea import qfrc_bias
-from jaxsim.dynamics.velocity import velocities
-from jaxsim.engine.integrate import Instant, integrate
+from jaxsim.engine.step import step
 from jaxsim.forces.activation import next_activation
-from jaxsim.forces.actuation import actuation
 from jaxsim.io import load
 from jaxsim.joints.coordinates import difference_pos, exponential_rate, integrate_pos
 from jaxsim.model import make_state
@@ -44,7 +39,7 @@ def test_order_for_a_spinning_body(integrator, order):
     @quick_jit
     def run(dt, steps):
         timed = model.replace(opt=model.opt.replace(timestep=dt))
-        return jax.lax.fori_loop(0, steps, lambda _, s: _step(timed, s), state)
+        return jax.lax.fori_loop(0, steps, lambda _, s: step(timed, s), state)
 
     ends = [run(1.0 / n, n) for n in (40, 80, 160)]
     gaps = [
@@ -53,19 +48,6 @@ def test_order_for_a_spinning_body(integrator, order):
     ]
     assert abs(np.log2(gaps[0] / gaps[1]) - order) < 0.2
     np.testing.assert_allclose(ends[-1].time, 1.0)
-
-
-def _step(model, state):
-    return integrate(model, state, _instant(model, state), lambda s: _instant(model, s))
-
-
-def _instant(model, state):
-    kin = kinematics(model, state.qpos)
-    vel = velocities(model, kin, state.qvel)
-    zero = jnp.zeros_like(state.qvel)
-    acting = actuation(model, kin, state.qpos, state.qvel, state.act, None, zero)
-    qacc = forward_dynamics(model, state.qpos, state.qvel, zero)
-    return Instant(kin, vel, acting, -qfrc_bias(model, kin, vel), qacc)
 
 
 def test_moving_in_configuration_space_is_that_of_mujoco():

@@ -1,0 +1,38 @@
+"""`Motion`: what is known at a position and a velocity, before any force."""
+
+from flax import struct
+from jaxtyping import Array, Float
+
+from jaxsim.arrays.indexing import take
+from jaxsim.dynamics.kinematics import Kinematics, kinematics
+from jaxsim.dynamics.velocity import Velocities, velocities
+from jaxsim.model import Model, State
+
+
+@struct.dataclass
+class Motion:
+    """A model at one position and velocity.
+
+    Attributes:
+      model: the model.
+      qpos: coordinates.
+      qvel: velocities.
+      kin: poses of everything, motion axes, inertias of the links.
+      vel: twists of the links, and their accelerations without `qacc`.
+    """
+
+    model: Model
+    qpos: Float[Array, "nq"]
+    qvel: Float[Array, "nv"]
+    kin: Kinematics
+    vel: Velocities
+
+    def link_origins(self) -> Float[Array, "njnt 3"]:
+        """The reference point of each link's tree."""
+        return take(self.kin.origin, self.model.tree.root)
+
+
+def motion_of(model: Model, state: State) -> Motion:
+    """The motion of a model in a state."""
+    kin = kinematics(model, state.qpos, state.mocap_pos, state.mocap_quat)
+    return Motion(model, state.qpos, state.qvel, kin, velocities(model, kin, state.qvel))

@@ -1,0 +1,70 @@
+"""Moving on with constant rates, which all integrators end with."""
+
+import jax.numpy as jnp
+import mujoco
+from jaxtyping import Array, Float
+
+from jaxsim.arrays.indexing import take
+from jaxsim.engine.instant import Instant
+from jaxsim.engine.integrators.integrator import Step
+from jaxsim.engine.status import Status
+from jaxsim.forces.activation import next_activation, stateful_actuators
+from jaxsim.forces.actuation import disabled_actuators
+from jaxsim.forces.servo import wrap_setpoint
+from jaxsim.joints.coordinates import integrate_pos
+from jaxsim.model import Model, State
+
+_ACTUATION = mujoco.mjtDisableBit.mjDSBL_ACTUATION
+
+
+def semi_implicit(model: Model, state: State, now: Instant, qacc: Float[Array, "nv"]) -> Step:
+    """A step with one evaluation of forces, in which the new velocity moves the positions.
+
+    Args:
+      model: the model.
+      state: the state.
+      now: what was evaluated there.
+      qacc: the acceleration of the step.
+    """
+    acting = now.actuation
+    after = advance(model, state, qacc, acting.act_dot, acting.actuator_length)
+    return Step(after, state, now.qacc, Status.of(now.constrained))
+
+
+def advance(
+    model: Model,
+    state: State,
+    qacc: Float[Array, "nv"],
+    act_dot: Float[Array, "na"],
+    actuator_length: Float[Array, "nu"],
+    qvel: Float[Array, "nv"] | None = None,
+) -> State:
+    """The state after a time step with constant rates.
+
+    Args:
+      model: the model.
+      state: the state.
+      qacc: rate of the velocities.
+      act_dot: rates of the activations.
+      actuator_length: lengths of the actuators, near which rotation servos keep their setpoints.
+      qvel: velocity that moves the positions; None for the one after the step.
+    """
+    h = model.opt.timestep
+    after = state.qvel + h * qacc
+    return state.replace(
+        qpos=integrate_pos(model, state.qpos, after if qvel is None else qvel, h),
+        qvel=after,
+        act=_next_activation(model, state.act, act_dot, actuator_length),
+        time=state.time + h,
+    )
+
+
+def _next_activation(model: Model, act, act_dot, actuator_length) -> Float[Array, "na"]:
+    """Activations stand still where actuators are off; those of rotation servos stay bounded."""
+    ids = stateful_actuators(model)
+    if not len(ids) or model.opt.disabled(_ACTUATION):
+        return act
+    rate = jnp.where(disabled_actuators(model)[ids], 0, act_dot)
+    after = next_activation(model, act, rate, model.opt.timestep)
+    spread = actuator_length.at[ids].set(after)
+    return take(wrap_setpoint(model, spread, actuator_length), ids)

@@ -1,0 +1,165 @@
+"""`forward` and `inverse`: everything at one instant, under MuJoCo's names."""
+
+import jax.numpy as jnp
+from flax import struct
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxsim.arrays.precision import full_precision
+from jaxsim.constraint import Constrained, constrained_at
+from jaxsim.dynamics.aba import solve_mass
+from jaxsim.dynamics.crba import composite_mass_matrix
+from jaxsim.dynamics.motion import motion_of
+from jaxsim.dynamics.reflected import dof_armature
+from jaxsim.dynamics.rnea import generalized_force, link_accelerations, link_forces
+from jaxsim.engine.inputs import check_shapes
+from jaxsim.engine.readout import read_sensors
+from jaxsim.engine.status import Status
+from jaxsim.engine.step import contacts, evaluate, forces
+from jaxsim.model import Model, State
+from jaxsim.quantities.energy import kinetic_energy, potential_energy
+
+
+@struct.dataclass
+class ContactReport:
+    """The contact slots of an environment; those with `dist` beyond the margin are not in contact.
+
+    Attributes:
+      dist: distance between the surfaces, negative in penetration (m).
+      pos: midpoint between the surfaces (m).
+      frame: rows are the normal, from geom1 to geom2, and two tangents.
+      geom1: first geom.
+      geom2: second geom.
+      force: (force, torque) on geom2 in the contact frame, normal first: `mj_contactForce`.
+      active: whether the slot generates constraint rows.
+    """
+
+    dist: Float[Array, "nc"]
+    pos: Float[Array, "nc 3"]
+    frame: Float[Array, "nc 3 3"]
+    geom1: Int[Array, "nc"]
+    geom2: Int[Array, "nc"]
+    force: Float[Array, "nc 6"]
+    active: Bool[Array, "nc"]
+
+
+@struct.dataclass
+class Forward:
+    """Everything at one instant; names, shapes and order are MuJoCo's.
+
+    `cost` is the value of the objective of the constraint problem, `status` how its solve went.
+    """
+
+    xpos: Float[Array, "nbody 3"]
+    xquat: Float[Array, "nbody 4"]
+    xmat: Float[Array, "nbody 3 3"]
+    xipos: Float[Array, "nbody 3"]
+    geom_xpos: Float[Array, "ngeom 3"]
+    geom_xmat: Float[Array, "ngeom 3 3"]
+    site_xpos: Float[Array, "nsite 3"]
+    site_xmat: Float[Array, "nsite 3 3"]
+    subtree_com: Float[Array, "nbody 3"]
+    mass_matrix: Float[Array, "nv nv"]
+    qfrc_bias: Float[Array, "nv"]
+    qfrc_passive: Float[Array, "nv"]
+    qfrc_actuator: Float[Array, "nv"]
+    qfrc_smooth: Float[Array, "nv"]
+    qfrc_constraint: Float[Array, "nv"]
+    actuator_length: Float[Array, "nu"]
+    actuator_velocity: Float[Array, "nu"]
+    actuator_force: Float[Array, "nu"]
+    act_dot: Float[Array, "na"]
+    qacc_smooth: Float[Array, "nv"]
+    qacc: Float[Array, "nv"]
+    sensordata: Float[Array, "nsensordata"]
+    energy: Float[Array, "2"]
+    cost: Float[Array, ""]
+    contact: ContactReport
+    status: Status
+
+
+@full_precision
+def forward(model: Model, state: State, ctrl: Float[Array, "nu"] | None = None) -> Forward:
+    """Everything at this instant, nothing integrated: MuJoCo's `mj_forward`.
+
+    Args:
+      model: the model.
+      state: the state.
+      ctrl: controls; None means zeros.
+
+    Raises:
+      ValueError: an array has the wrong shape.
+    """
+    check_shapes(model, state, ctrl)
+    now = evaluate(model, state, ctrl)
+    kin, found = now.motion.kin, now.constrained
+    energy = jnp.stack(
+        [
+            potential_energy(model, kin, state.qpos),
+            kinetic_energy(model, kin, now.motion.vel, state.qvel),
+        ]
+    )
+    qacc_smooth = solve_mass(model, kin, now.qfrc_smooth)
+    return Forward(
+        xpos=kin.xpos,
+        xquat=kin.xquat,
+        xmat=kin.xmat,
+        xipos=kin.xipos,
+        geom_xpos=kin.geom_xpos,
+        geom_xmat=kin.geom_xmat,
+        site_xpos=kin.site_xpos,
+        site_xmat=kin.site_xmat,
+        subtree_com=kin.subtree_com,
+        mass_matrix=composite_mass_matrix(model, kin),
+        qfrc_bias=generalized_force(model, kin, now.inertial_force),
+        qfrc_passive=now.passive.qfrc_passive,
+        qfrc_actuator=now.actuation.qfrc_actuator,
+        qfrc_smooth=now.qfrc_smooth,
+        qfrc_constraint=found.qfrc_constraint,
+        actuator_length=now.actuation.actuator_length,
+        actuator_velocity=now.actuation.actuator_velocity,
+        actuator_force=now.actuation.actuator_force,
+        act_dot=now.actuation.act_dot,
+        qacc_smooth=qacc_smooth,
+        qacc=found.qacc,
+        sensordata=read_sensors(now, state, energy),
+        energy=energy,
+        # The solver leaves out of `1/2 |qacc - qacc_smooth|_M^2` what does not vary.
+        cost=found.status.cost + 0.5 * now.qfrc_smooth @ qacc_smooth,
+        contact=_contact_report(found),
+        status=Status.of(found),
+    )
+
+
+@full_precision
+def inverse(model: Model, state: State, qacc: Float[Array, "nv"]) -> Float[Array, "nv"]:
+    """External forces that explain an acceleration, constraints included: `mj_inverse`.
+
+    `M qacc + qfrc_bias - qfrc_passive - J^T f(qacc)`: given the acceleration, the constraint
+    forces are explicit. Equals applied plus actuator forces where `qacc` is that of `forward`.
+
+    Args:
+      model: the model.
+      state: the state.
+      qacc: acceleration.
+    """
+    check_shapes(model, state, None)
+    motion = motion_of(model, state)
+    kin, vel = motion.kin, motion.vel
+    passive, _ = forces(motion, state, None)
+    found = constrained_at(motion, contacts(motion), qacc)
+    force = link_forces(model, kin, vel, link_accelerations(model, kin, vel, qacc))
+    needed = generalized_force(model, kin, force) + dof_armature(model) * qacc
+    return needed - passive.qfrc_passive - found.qfrc_constraint
+
+
+def _contact_report(found: Constrained) -> ContactReport:
+    contact = found.contact
+    return ContactReport(
+        dist=contact.dist,
+        pos=contact.pos,
+        frame=contact.frame,
+        geom1=jnp.asarray(contact.geom1),
+        geom2=jnp.asarray(contact.geom2),
+        force=found.contact_force,
+        active=contact.active,
+    )
