@@ -10,8 +10,9 @@ from flax import struct
 from jax import lax
 from jaxtyping import Array, Float, Int
 
+from jaxsim.arrays.indexing import gather_or_zero
 from jaxsim.constraint.jacobian import LinkRows
-from jaxsim.constraint.link_index import LinkIndex, add_at, gather, items, moves
+from jaxsim.constraint.link_index import LinkIndex, add_at, items, moves
 from jaxsim.dynamics.components import ALL, Components
 from jaxsim.model.compound import Compound
 from jaxsim.model.topology import Forest
@@ -57,7 +58,9 @@ class ContactRows:
 
     def apply(self, x, a: Float[Array, "njnt 6"]) -> Float[Array, "n condim"]:
         """Relative accelerations `J x` from those of the links, `a`."""
-        parts = [s.sign * jax.vmap(twist_at)(gather(a, s.link), s.arm) for s in self.sides]
+        parts = [
+            s.sign * jax.vmap(twist_at)(gather_or_zero(a, s.link.index), s.arm) for s in self.sides
+        ]
         return jax.vmap(self._components)(self.frame, sum(parts[1:], parts[0]))
 
     def add_force(self, f: Float[Array, "n condim"], force, wrench: Float[Array, "njnt 6"]):

@@ -18,9 +18,9 @@ from flax import struct
 from jax import lax
 from jaxtyping import Array, Float
 
-from jaxsim.arrays.indexing import sum_by, take
+from jaxsim.arrays.indexing import gather_or_zero, sum_by, take
 from jaxsim.batching.anywhere import place, pushing
-from jaxsim.constraint.link_index import LinkIndex, add_at, gather, items, moves
+from jaxsim.constraint.link_index import LinkIndex, add_at, items, moves
 from jaxsim.dynamics.components import Components, restrict
 from jaxsim.dynamics.motion import Motion
 from jaxsim.model.compound import Compound
@@ -159,7 +159,7 @@ class LinkRows:
 
     def apply(self, x, a):
         """Relative accelerations, (n, d)."""
-        return self._sum(lambda G, link: jax.vmap(jnp.matmul)(G, gather(a, link)))
+        return self._sum(lambda G, link: jax.vmap(jnp.matmul)(G, gather_or_zero(a, link.index)))
 
     def add_force(self, f, force, wrench):
         """Wrenches on the links only."""

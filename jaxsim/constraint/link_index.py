@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, Shaped
 
-from jaxsim.arrays.indexing import gather_or_zero, sum_by, take
+from jaxsim.arrays.indexing import Index, gather, sum_by, take
 from jaxsim.model.topology import Forest
 
 # Up to so many pairs of a row and a link, a product with the matrix that is 1 where they belong
@@ -34,16 +34,18 @@ class LinkIndex:
             return cls(tuple(int(i) for i in index), None)
         return cls(None, jnp.asarray(index))
 
+    @property
+    def index(self) -> Index:
+        """The links as an array; a numpy array if they are static."""
+        return np.array(self.static, int) if self.traced is None else self.traced
+
     def renumbered(self, node: np.ndarray) -> "LinkIndex":
         """The same links where link i has the number `node[i]`; `node[-1]` is -1."""
-        if self.traced is not None:
-            return LinkIndex(None, jnp.asarray(node)[self.traced])
-        return LinkIndex.of(node[np.array(self.static, int)])
+        return LinkIndex.of(gather(node, self.index))
 
     def items(self, index: Int[Array, "k"]) -> "LinkIndex":
         """Those with an index, which is known at run time."""
-        known = jnp.asarray(self.static) if self.traced is None else self.traced
-        return LinkIndex(None, items(known, index))
+        return LinkIndex(None, items(jnp.asarray(self.index), index))
 
     @property
     def may_move(self) -> bool:
@@ -54,12 +56,6 @@ class LinkIndex:
 def items(x: Shaped[Array, "n ..."], index: Int[Array, "k"]) -> Shaped[Array, "k ..."]:
     """`x[index]`, where what is beyond the last is the last."""
     return jnp.take(x, index, axis=0, mode="clip")
-
-
-def gather(x: Float[Array, "njnt ..."], links: LinkIndex) -> Float[Array, "n ..."]:
-    """The value of each row's link, zero for what does not move."""
-    index = np.array(links.static, int) if links.traced is None else links.traced
-    return gather_or_zero(x, index)
 
 
 def add_at(total: Float[Array, "njnt ..."], links: LinkIndex, x, form: Callable = lambda x: x):
@@ -92,6 +88,4 @@ def add_at(total: Float[Array, "njnt ..."], links: LinkIndex, x, form: Callable 
 
 def moves(tree: Forest, links: LinkIndex, dtype) -> Float[Array, "n nv"]:
     """1 where a degree of freedom moves the link, else 0."""
-    if links.traced is None:
-        return jnp.asarray(tree.moves[np.array(links.static, int)], dtype)
-    return jnp.asarray(tree.moves, dtype)[links.traced]
+    return jnp.asarray(gather(tree.moves.astype(dtype), links.index))
