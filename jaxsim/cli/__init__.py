@@ -1,7 +1,7 @@
 """The command line `jaxsim`.
 
 This file only reads arguments. Each command lives in a file of its own that is imported when the
-command runs, so that `jaxsim --help` needs neither JAX nor MuJoCo.
+command runs.
 """
 
 import argparse
@@ -9,6 +9,8 @@ import importlib
 import pathlib
 import sys
 from collections.abc import Sequence
+
+import jaxsim
 
 _OVERVIEW = """\
 Simulate rigid bodies by the thousand, with MuJoCo's physics in JAX.
@@ -106,11 +108,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
       The exit status: 0 on success, 1 if the simulation diverged, 2 for a mistake in the request.
     """
-    arguments = _parser().parse_args(argv)
-    if "" not in sys.path:
-        sys.path.insert(0, "")  # modules of the user's own, as `python -m jaxsim` finds them
+    parser = _parser()
+    arguments = parser.parse_args(argv)
+    if arguments.command is None:
+        parser.print_help()
+        return 0
+    named = (getattr(arguments, name, None) for name in ("env", "algorithm"))
+    if any(":" in name for name in named if name):
+        sys.path.append("")  # last: a folder of somebody else's must not replace any module
     command = importlib.import_module(f"jaxsim.cli.{arguments.command}")
     try:
+        if getattr(arguments, "cache", False):
+            importlib.import_module("jaxsim.cli.cache").enable()
         return command.run(arguments)
     except UsageError as error:
         print(f"jaxsim: {error}", file=sys.stderr)
@@ -128,7 +137,8 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="jaxsim", description=_OVERVIEW, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    parser.add_argument("--version", action="version", version=f"jaxsim {jaxsim.__version__}")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND")
     _add_simulate(commands)
     _add_train(commands)
     _add_play(commands)
@@ -167,6 +177,7 @@ def _add_train(commands) -> None:
     where.add_argument("--out", type=pathlib.Path, metavar="DIR", help="new directory to write to")
     where.add_argument("--resume", type=pathlib.Path, metavar="DIR", help="go on with this run")
     _add_video(train)
+    _add_cache(train)
     option("--coordinator", metavar="HOST:PORT", help="address of the first of several processes")
     option("--processes", type=_positive(int), default=1, help="number of processes (1)")
     option("--process", type=int, default=0, help="index of this process, from 0")
@@ -180,6 +191,16 @@ def _add_play(commands) -> None:
     play.add_argument("--episodes", type=_positive(int), default=64, help="how many (64)")
     play.add_argument("--seed", type=int, default=1, help="seed of the starts (1)")
     _add_video(play)
+    _add_cache(play)
+
+
+def _add_cache(parser) -> None:
+    parser.add_argument(
+        "--no-cache",
+        dest="cache",
+        action="store_false",
+        help="do not keep compiled programs for the next time (directory: JAXSIM_CACHE)",
+    )
 
 
 def _add_video(parser) -> None:
@@ -211,6 +232,7 @@ def _add_simulate(commands) -> None:
     )
     option("--keyframe", metavar="NAME", help="start at this keyframe instead of qpos0")
     option("--timestep", type=_positive(float), metavar="SECONDS", help="instead of the model's")
+    _add_cache(simulate)
 
 
 def _add_bench(commands) -> None:

@@ -30,7 +30,13 @@ def configure_cpu(cores: int | None = None) -> None:
     cores = _available() if cores is None else cores
     if cores < 1:
         raise ValueError(f"cores must be at least 1, got {cores}")
-    jax.config.update("jax_num_cpu_devices", cores)
+    try:
+        jax.config.update("jax_num_cpu_devices", cores)
+    except RuntimeError as error:
+        raise RuntimeError(
+            "configure_cpu comes too late: JAX has been used in this process; call it right after "
+            "the imports, before anything that makes an array or loads a model"
+        ) from error
     if not keeps_loops():
         os.environ["XLA_FLAGS"] = _with_option(os.environ.get("XLA_FLAGS", ""))
 

@@ -4,9 +4,7 @@ import pathlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-_NO_MATPLOTLIB = (
-    "drawing a learning curve needs matplotlib: install jaxsim-physics[viz], or matplotlib itself"
-)
+_NO_MATPLOTLIB = "drawing a learning curve needs matplotlib: pip install matplotlib"
 
 
 def plot_learning(

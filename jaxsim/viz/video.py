@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-_NO_IMAGEIO = "writing a video needs imageio: install jaxsim-physics[viz], or imageio itself"
+_NO_IMAGEIO = 'writing a video needs imageio: pip install "imageio[ffmpeg]"'
 
 
 def write_video(frames: Sequence[np.ndarray], path: str | pathlib.Path, fps: float) -> pathlib.Path:
