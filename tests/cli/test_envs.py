@@ -8,7 +8,9 @@ def test_lists_every_environment(capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "160")
     assert main(["envs"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    shown = {line.split()[0]: line.split()[1:] for line in lines if line.strip()}
+    rows = [line.split() for line in lines if line.strip()]
+    # Descriptions may go on in lines of their own, which have no numbers.
+    shown = {words[0]: words[1:] for words in rows if words[1:] and words[1].isdigit()}
     assert set(jaxsim.envs.names()) <= set(shown)
     assert shown["half_cheetah"][:3] == ["17", "6", "1000"]
     assert shown["fast"][:3] == ["1", "1", "20"]

@@ -37,7 +37,7 @@ def _compare(env, reference, seed, noise=0.0):
     assert known.sum() >= 10
     sure = chaos < 1e-4
     np.testing.assert_array_equal(found.terminated[sure], expected.terminated[sure])
-    explained = _chaos(reference, plan, expected, 10, noise) if noise else chaos
+    explained = _chaos(reference, plan, expected, 30, noise) if noise else chaos
     return found, expected, (error / explained)[known]
 
 
