@@ -20,8 +20,9 @@ from jax.extend import core as jex
 from jax.interpreters import mlir
 
 from jaxsim.batching import contract, params
-from jaxsim.batching.fusion import computed, not_inlined
+from jaxsim.batching.fusion import not_inlined
 from jaxsim.batching.inline import fixed_operands, living, unchanging, variables, written_out
+from jaxsim.batching.joining import JOINING, joined
 
 # Equations of a section, those of its loops counted once: below the first the start is no matter,
 # and above the second LLVM takes longer for one function than for two, and makes nothing faster.
@@ -47,7 +48,6 @@ KNOWN = frozenset(
 PLAIN = "bool", "int8", "uint8", "int32", "uint32", "int64", "uint64", "float32", "float64"
 VIEWS = "slice", "split", "squeeze", "unstack", "reshape", "expand_dims"  # of another array
 REPEATING = "broadcast_in_dim", "iota"
-JOINING = "concatenate", "stack"
 # Of integers only: XLA gives sums and maxima of floats to a library.
 COMBINING = "cumsum", "reduce_max", "reduce_min", "reduce_sum"
 
@@ -182,29 +182,15 @@ def _section(eqns: Sequence, results: Sequence):
 
 
 def _parts_apart(eqns: Sequence) -> list:
-    """The equations, where parts of arrays are computed before they are put together.
-
-    LLVM does not vectorise a loop over lanes that computes one of several parts.
-    """
+    """The equations, where parts of arrays are computed before they are put together."""
     made = {v for eqn in eqns if eqn.primitive.name not in (*VIEWS, *JOINING) for v in eqn.outvars}
     apart = lambda jaxpr: jaxpr.replace(eqns=_parts_apart(jaxpr.eqns))  # noqa: E731
     new = []
     for eqn in eqns:
         if eqn.primitive.name in JOINING:
-            first = tuple(isinstance(v, jex.Var) and v in made for v in eqn.invars)
-            eqn = eqn.replace(primitive=apart_p, params={"whole": eqn, "first": first})
+            eqn = joined(eqn, made)
         new.append(params.with_bodies(eqn, apart))
     return new
-
-
-def _put_together(*parts, whole, first):
-    parts = [computed(x) if f else x for x, f in zip(parts, first, strict=True)]
-    return whole.primitive.bind(*parts, **whole.params)
-
-
-apart_p = jex.Primitive("apart")
-apart_p.def_abstract_eval(lambda *_, whole, first: whole.outvars[0].aval)
-mlir.register_lowering(apart_p, mlir.lower_fun(_put_together, multiple_results=False))
 
 
 def _run(*values, program):

@@ -11,10 +11,15 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 
 from jaxsim.arrays.indexing import sum_by, take
 from jaxsim.model.topology import Forest, Level, Run
+
+# Nodes up to which a deep tree's sums are one product: it takes the square of so many additions,
+# but one operation instead of one for each level.
+MAX_NODES_AT_ONCE = 8
 
 
 def outward(forest: Forest, f: Callable, root: Any, nodes: Any, dofs: Any = ()) -> tuple[Any, Any]:
@@ -82,14 +87,27 @@ def inward(forest: Forest, f: Callable, zero: Any, nodes: Any, dofs: Any = ()) -
 
 def accumulate_outward(forest: Forest, x: Any) -> Any:
     """Running sums from the roots: `y_i = y_parent(i) + x_i`."""
+    if _sums_at_once(forest):
+        return _products(forest.ancestor, x)
     zero = jax.tree.map(lambda a: jnp.zeros((forest.nroot, *a.shape[1:]), a.dtype), x)
     return outward(forest, lambda y, x, _: (jax.tree.map(jnp.add, y, x), ()), zero, x)[0]
 
 
 def accumulate_inward(forest: Forest, x: Any) -> Any:
     """Sums over subtrees: `y_i = x_i + sum of y over the children of i`."""
+    if _sums_at_once(forest):
+        return _products(forest.ancestor.T, x)
     zero = jax.tree.map(lambda a: jnp.zeros(a.shape[1:], a.dtype), x)
     return inward(forest, lambda y, x, _: (jax.tree.map(jnp.add, y, x), ()), zero, x)[0]
+
+
+def _sums_at_once(forest: Forest) -> bool:
+    """Whether all sums of a walk are better one product with a matrix than a sum for each level."""
+    return 0 < len(forest) <= MAX_NODES_AT_ONCE and len(forest.levels) > 2
+
+
+def _products(matrix: np.ndarray, x: Any) -> Any:
+    return jax.tree.map(lambda a: jnp.tensordot(matrix.astype(a.dtype), a, 1), x)
 
 
 def _level(level: Level, f, parents, nodes, dofs):

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from jaxsim.arrays.indexing import gather_or_zero, sum_by, take
 from jaxsim.dynamics.kinematics import Kinematics
-from jaxsim.dynamics.tree import outward
+from jaxsim.dynamics.tree import accumulate_outward
 from jaxsim.joints.grouping import turning
 from jaxsim.model import Model
 from jaxsim.model.dof_order import to_tree_order
@@ -41,16 +41,8 @@ def velocities(model: Model, kin: Kinematics, qvel: Float[Array, "nv"]) -> Veloc
     carried, turns = joint, turning(tree.kind)
     if not turns.all():
         carried = sum_by(jnp.where(turns[:, None], each, 0), tree.dof_node, len(tree))
-    zero = jnp.zeros((tree.nroot, 6), joint.dtype)
-    (cvel, bias), _ = outward(tree, _moved, (zero, zero), (joint, carried))
-    return Velocities(cvel=cvel, bias=bias)
-
-
-def _moved(parent, link, _):
-    """Velocity and acceleration of a link from its parent's."""
-    (velocity, bias), (joint, carried) = parent, link
-    velocity = velocity + joint
-    return (velocity, bias + cross_motion(velocity, carried)), ()
+    cvel = accumulate_outward(tree, joint)
+    return Velocities(cvel, accumulate_outward(tree, jax.vmap(cross_motion)(cvel, carried)))
 
 
 def body_twists(

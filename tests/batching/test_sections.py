@@ -1,6 +1,7 @@
 """Programs in sections give what they gave, and XLA gets the sections as single functions."""
 
 import functools
+import re
 
 import jax
 import jax.numpy as jnp
@@ -265,3 +266,28 @@ def test_library_calls_are_written_out(arguments):
     main = whole[: whole.index("func.func", 1)]
     assert "stablehlo.while" not in main
     assert "stablehlo.while" in text
+
+
+def test_rows_of_a_stack_share_a_loop(arguments):
+    """A cross product in a section is one fused loop, not one for each component."""
+
+    def f(x, y):
+        rows = [x[i] * y[j] - x[j] * y[i] for i, j in ((1, 2), (2, 0), (0, 1))]
+        return _long(jnp.stack(rows))
+
+    program = compiled(f, "cpu").lower(*arguments).compile()
+    np.testing.assert_allclose(program(*arguments), jax.jit(f)(*arguments), rtol=1e-5)
+    loops = re.findall(r"= f32\[1,48\]\S* fusion\(|= f32\[48\]\S* fusion\(", program.as_text())
+    assert not loops
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 9])
+def test_stacks_of_any_number_of_rows(count, arguments):
+    def f(x, y):
+        x = _long(x)
+        rows = [x[i % 3] * y[(i + 1) % 3] + i for i in range(count)]
+        along = [jnp.stack(rows, axis=axis) for axis in (0, 1)]
+        return along, jnp.concatenate([along[0], x, along[0][:1]])
+
+    close = functools.partial(np.testing.assert_allclose, rtol=1e-5)
+    jax.tree.map(close, compiled(f, "cpu")(*arguments), jax.jit(f)(*arguments))

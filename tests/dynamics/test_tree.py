@@ -81,6 +81,14 @@ def test_sums_outward_and_inward_are_adjoint(forest, rng):
     np.testing.assert_allclose(down, forest.ancestor @ x, atol=1e-9)
 
 
+def test_running_sums_are_those_of_the_ancestors(forest, rng):
+    x = rng.normal(size=(len(forest), 2))
+    down = accumulate_outward(forest, jnp.asarray(x))
+    for node, parent in enumerate(forest.parent):
+        above = down[parent] if parent >= 0 else 0
+        np.testing.assert_allclose(down[node], above + x[node], atol=1e-9)
+
+
 def test_moves_marks_the_degrees_of_freedom_between_a_node_and_its_root(forest):
     assert forest.moves.shape == (len(forest) + 1, forest.nv)
     assert not forest.moves[-1].any()

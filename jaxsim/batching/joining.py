@@ -1,0 +1,65 @@
+"""Concatenations and stacks in sections, written so that LLVM makes vectors of their loops.
+
+A loop over lanes that computes now one part of the whole and now another has a branch in its body,
+and such loops LLVM does not vectorise. So parts are computed before they are put together. Parts
+of one row each, as those of a stack, share a loop: it computes all of them for every row and
+selects one. That is more arithmetic, but fewer loops to compile and to start.
+"""
+
+import itertools
+from collections.abc import Sequence
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jax.extend import core as jex
+from jax.interpreters import mlir
+
+from jaxsim.batching.fusion import computed
+
+JOINING = "concatenate", "stack"
+# Rows that share a loop, in which the arithmetic of each is done once for every row. A cross
+# product of 4 vectors in 32 lanes takes 28 ns with three rows in one loop, and 33 with three loops.
+MAX_SELECTED = 4
+
+
+def joined(eqn, made: set):
+    """A concatenation or stack whose parts, where they are in `made`, are computed apart."""
+    first = tuple(isinstance(v, jex.Var) and v in made for v in eqn.invars)
+    return eqn.replace(primitive=apart_p, params={"whole": eqn, "first": first})
+
+
+def _put_together(*parts, whole, first):
+    axis = whole.params["axis" if whole.primitive.name == "stack" else "dimension"]
+    if whole.primitive.name == "stack":
+        parts = [lax.expand_dims(x, [axis]) for x in parts]
+    is_minor = axis == parts[0].ndim - 1
+    flags = [f and x.shape[axis] == 1 and not is_minor for x, f in zip(parts, first, strict=True)]
+    pieces = []
+    for rows, run in itertools.groupby(zip(flags, parts, first, strict=True), lambda p: p[0]):
+        run = list(run)
+        if rows:
+            pieces += _selected([x for _, x, _ in run], axis)
+        else:
+            pieces += [computed(x) if f else x for _, x, f in run]
+    return pieces[0] if len(pieces) == 1 else lax.concatenate(pieces, axis)
+
+
+def _selected(rows: Sequence[jax.Array], axis: int) -> list[jax.Array]:
+    """Rows of length one along the axis, joined a few at a time, each time in one loop."""
+    groups = [rows[i : i + MAX_SELECTED] for i in range(0, len(rows), MAX_SELECTED)]
+    return [computed(_select_row(group, axis)) for group in groups]
+
+
+def _select_row(rows: Sequence[jax.Array], axis: int) -> jax.Array:
+    if len(rows) == 1:
+        return rows[0]
+    shape = (*rows[0].shape[:axis], len(rows), *rows[0].shape[axis + 1 :])
+    number = lax.broadcasted_iota(jnp.int32, shape, axis)
+    which = number != 0 if len(rows) == 2 else number
+    return lax.select_n(which, *(lax.broadcast_in_dim(x, shape, range(x.ndim)) for x in rows))
+
+
+apart_p = jex.Primitive("apart")
+apart_p.def_abstract_eval(lambda *_, whole, first: whole.outvars[0].aval)
+mlir.register_lowering(apart_p, mlir.lower_fun(_put_together, multiple_results=False))
