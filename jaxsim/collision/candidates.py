@@ -18,6 +18,9 @@ from jaxsim.collision.table import PAIRS, supported_pairs, type_name
 from jaxsim.model.errors import ModelError
 from jaxsim.model.facts import fact
 
+# An upper limit for all groups or kinds, or one for each, or none.
+Limit = int | tuple[int, ...] | None
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class PairGroup:
@@ -52,60 +55,66 @@ class Candidates:
 
     Attributes:
       groups: ordered by kind, then by types.
-      max_geom_pairs: exact geometry is evaluated for this many pairs of a group; None means all.
+      max_geom_pairs: exact geometry is evaluated for this many pairs of a group, or so many for one
+        group after the other; None means all.
       max_contacts: this many contact slots are kept for each kind of contact, or so many for one
         kind after the other; None means all.
     """
 
     groups: tuple[PairGroup, ...]
-    max_geom_pairs: int | None = None
-    max_contacts: int | tuple[int, ...] | None = None
+    max_geom_pairs: Limit = None
+    max_contacts: Limit = None
 
     @property
     def dynamic(self) -> bool:
         """Whether slots are assigned at run time, because there are more pairs than the budget."""
-        return any(self._pairs(g) < len(g) for g in self.groups) or any(
-            slots < self._available(groups)
-            for slots, groups in zip(self._slots(), self.by_kind().values(), strict=True)
-        )
+        return self.pairs() != [len(g) for g in self.groups] or self.slots() != self._available()
 
     @property
     def ranges(self) -> tuple[SlotRange, ...]:
         """The ranges of contact slots, one for each kind."""
-        stops = np.cumsum(self._slots(), dtype=int).tolist()
+        stops = np.cumsum(self.slots(), dtype=int).tolist()
         ranges = zip([0, *stops], stops, self.by_kind(), strict=False)
         return tuple(SlotRange(start, stop, kind) for start, stop, kind in ranges)
 
     @property
     def ncon(self) -> int:
         """Number of contact slots."""
-        return sum(self._slots())
+        return sum(self.slots())
 
     def by_kind(self) -> dict[ContactKind, list[PairGroup]]:
         """The groups of each kind, in their order."""
         runs = itertools.groupby(self.groups, key=lambda g: g.kind)
         return {kind: list(groups) for kind, groups in runs}
 
-    def _pairs(self, group: PairGroup) -> int:
-        return min(len(group), len(group) if self.max_geom_pairs is None else self.max_geom_pairs)
+    def pairs(self) -> list[int]:
+        """The number of pairs of each group whose exact geometry is evaluated."""
+        return _within(self.max_geom_pairs, [len(g) for g in self.groups])
 
-    def _available(self, groups: list[PairGroup]) -> int:
-        return sum(self._pairs(g) * g.slots_per_pair for g in groups)
-
-    def _slots(self) -> list[int]:
+    def slots(self) -> list[int]:
         """The number of slots of each kind."""
-        available = [self._available(groups) for groups in self.by_kind().values()]
-        limits = self.max_contacts
-        if limits is None:
-            return available
-        limits = limits if isinstance(limits, tuple) else (limits,) * len(available)
-        return [min(pair) for pair in zip(available, limits, strict=True)]
+        return _within(self.max_contacts, self._available())
+
+    def _available(self) -> list[int]:
+        """Slots of each kind that evaluated pairs could fill."""
+        filled: dict[ContactKind, int] = {}
+        for group, pairs in zip(self.groups, self.pairs(), strict=True):
+            filled[group.kind] = filled.get(group.kind, 0) + pairs * group.slots_per_pair
+        return list(filled.values())
+
+
+def _within(limits: Limit, sizes: list[int]) -> list[int]:
+    """Each size, but at most its limit."""
+    if limits is None:
+        return sizes
+    limits = limits if isinstance(limits, tuple) else (limits,) * len(sizes)
+    return [min(pair) for pair in zip(sizes, limits, strict=True)]
 
 
 def find_candidates(
     model: Any,
-    max_geom_pairs: int | None = None,
-    max_contacts: int | tuple[int, ...] | None = None,
+    max_geom_pairs: Limit = None,
+    max_contacts: Limit = None,
 ) -> Candidates:
     """All geom pairs of a model that could ever generate a contact force.
 
@@ -223,15 +232,25 @@ def _ordered_by_type(model: Any, rows: np.ndarray) -> np.ndarray:
 def _check_supported(model: Any, rows: np.ndarray) -> None:
     types = np.asarray(model.geom_type)[rows[:, :2]]
     first = np.unique(types, axis=0, return_index=True)[1]
-    for geom1, geom2 in rows[np.sort(first), :2]:
-        types = tuple(int(model.geom_type[g]) for g in (geom1, geom2))
-        if types not in PAIRS:
-            raise ModelError(
-                f"{_label(model, geom1)} ({type_name(types[0])}) and {_label(model, geom2)} "
-                f"({type_name(types[1])}) may collide, but the supported pairs of shapes are "
-                f"{supported_pairs()}; set contype and conaffinity to 0 on one of them or add an "
-                "<exclude> for their bodies"
-            )
+    for row, pair_types in zip(rows[first], types[first], strict=True):
+        if tuple(pair_types.tolist()) not in PAIRS:
+            raise ModelError(_unsupported(model, row, pair_types))
+
+
+def _unsupported(model: Any, row: np.ndarray, types: np.ndarray) -> str:
+    """What is wrong with a pair and what to do; no filter applies to an explicit <pair>."""
+    one, two = (
+        f"{_label(model, geom)} ({type_name(kind)})" for geom, kind in zip(row, types, strict=False)
+    )
+    remedy = (
+        "remove their <pair>"
+        if row[2] >= 0
+        else "set contype and conaffinity to 0 on one of them or add an <exclude> for their bodies"
+    )
+    return (
+        f"{one} and {two} may collide, but the supported pairs of shapes are "
+        f"{supported_pairs()}; {remedy}"
+    )
 
 
 def _label(model: Any, geom: int) -> str:

@@ -7,6 +7,7 @@ the same record.
 """
 
 import dataclasses
+import functools
 from typing import Any
 
 import jax
@@ -23,6 +24,11 @@ from jaxsim.collision.parameters import contact_margin, contact_parameters
 from jaxsim.collision.selection import within_reach
 from jaxsim.collision.shapes import Contacts, Shape
 from jaxsim.collision.table import PAIRS
+
+# Where not more pairs than so many times the candidates can be made of their geoms, bounds of all
+# of them are computed: numbers of each geom are then read in order, once, and not gathered for each
+# pair.
+TABLE = 4
 
 
 @dataclasses.dataclass
@@ -56,8 +62,9 @@ def detect(
     """
     shapes = Shape(geom_xpos, geom_xmat, jnp.asarray(model.geom_size, geom_xpos.dtype))
     parts, overflow = [], jnp.zeros((), int)
+    limits = iter(candidates.pairs())
     for span, groups in zip(candidates.ranges, candidates.by_kind().values(), strict=True):
-        found = [_evaluate(model, g, shapes, candidates.max_geom_pairs) for g in groups]
+        found = [_evaluate(model, group, shapes, next(limits)) for group in groups]
         slots, lost = _deepest(model, _joined([s for s, _ in found]), span.stop - span.start)
         overflow = overflow + lost + sum(n for _, n in found)
         parts.append(slots)
@@ -77,13 +84,14 @@ def detect(
 
 
 def _evaluate(
-    model: Any, group: PairGroup, shapes: Shape, max_pairs: int | None
+    model: Any, group: PairGroup, shapes: Shape, count: int
 ) -> tuple[_Slots, Int[Array, ""] | int]:
-    """Exact geometry of a group's pairs, and how many that were left out might be in contact."""
+    """Exact geometry of so many pairs of a group, and how many others might be in contact."""
     ids, lost = (group.geom1, group.geom2, group.pair), 0
-    if max_pairs is not None and max_pairs < len(group):
-        margin = contact_margin(model, *ids)
-        chosen, lost = _closest(group, margin, shapes, max_pairs)
+    if count < len(group):
+        # Which pairs are chosen has no derivative.
+        excess = lax.stop_gradient(_distance_bounds(group, shapes) - contact_margin(model, *ids))
+        chosen, lost = within_reach(excess, count)
         ids = tuple(_take_ids(i, chosen) for i in ids)
     entry = PAIRS[group.types]
     contacts = jax.vmap(entry.function)(_take(shapes, ids[0]), _take(shapes, ids[1]))
@@ -97,13 +105,18 @@ def _evaluate(
     return _Slots(*geometry, *(i.repeat(entry.max_contacts) for i in ids)), lost
 
 
-def _closest(group: PairGroup, margin: Float[Array, "n"], shapes: Shape, count: int):
-    """The pairs of a group that could be inside their margin, or could be deepest."""
-    bound = jax.vmap(lambda a, b: distance_bound(group.types, a, b))
-    # Which pairs are chosen has no derivative, and the bound has none at coincident centres.
-    shapes, margin = lax.stop_gradient((shapes, margin))
-    distance = bound(_take(shapes, group.geom1), _take(shapes, group.geom2))
-    return within_reach(distance - margin, count)
+def _distance_bounds(group: PairGroup, shapes: Shape) -> Float[Array, "n"]:
+    """Lower bounds on the distances of a group's pairs."""
+    bound = functools.partial(distance_bound, group.types)
+    first, row = np.unique(group.geom1, return_inverse=True)
+    second, column = np.unique(group.geom2, return_inverse=True)
+    if len(first) * len(second) > TABLE * len(group):
+        return jax.vmap(bound)(_take(shapes, group.geom1), _take(shapes, group.geom2))
+    of_first = jax.vmap(bound, in_axes=(None, 0))
+    table = jax.vmap(of_first, in_axes=(0, None))(_take(shapes, first), _take(shapes, second))
+    # The compiler would compute it again for each use.
+    table = lax.optimization_barrier(table)
+    return gather(table.reshape(-1), row * len(second) + column)
 
 
 def _deepest(model: Any, slots: _Slots, count: int) -> tuple[_Slots, Int[Array, ""] | int]:

@@ -169,7 +169,7 @@ class Model:
     rotations: str = struct.field(pytree_node=False, default="lie")
     contact: str = struct.field(pytree_node=False, default="mujoco")
     max_contacts: int | tuple[int, ...] | None = struct.field(pytree_node=False, default=None)
-    max_geom_pairs: int | None = struct.field(pytree_node=False, default=None)
+    max_geom_pairs: int | tuple[int, ...] | None = struct.field(pytree_node=False, default=None)
     present: Presence = struct.field(pytree_node=False, default=NOTHING)
 
     def nonzero_rows(self, leaf: str) -> tuple[int, ...]:

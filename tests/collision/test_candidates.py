@@ -10,6 +10,7 @@ import pytest
 
 from jaxsim.collision import find_candidates
 from jaxsim.collision.candidates import candidate_pairs
+from jaxsim.collision.table import PAIRS, PLANE, SPHERE
 from jaxsim.model.errors import ModelError
 
 FOLDERS = {
@@ -119,6 +120,25 @@ def test_unsupported_shapes_are_named():
     message = r"geom number 1 \(cylinder\) and geom 'table' \(box\).*plane-sphere.*<exclude>"
     with pytest.raises(ModelError, match=message):
         find_candidates(model)
+
+
+PAIR = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1" {masks}/>
+  <body name="b"><freejoint/><geom name="ball" size=".1" {masks}/></body></worldbody>
+  <contact>{contact}</contact></mujoco>"""
+
+
+def test_the_remedy_for_an_explicit_pair_is_to_remove_it(monkeypatch):
+    """No mask and no <exclude> keeps it from colliding."""
+    monkeypatch.delitem(PAIRS, (PLANE, SPHERE))
+    none = 'contype="0" conaffinity="0"'
+    pair, exclude = '<pair geom1="floor" geom2="ball"/>', '<exclude body1="world" body2="b"/>'
+    explicit = mujoco.MjModel.from_xml_string(PAIR.format(masks=none, contact=pair + exclude))
+    with pytest.raises(ModelError, match=r"'floor' \(plane\).*; remove their <pair>$"):
+        find_candidates(explicit)
+    for masks, contact in ((none, ""), ("", exclude)):
+        find_candidates(mujoco.MjModel.from_xml_string(PAIR.format(masks=masks, contact=contact)))
+    with pytest.raises(ModelError, match="set contype"):
+        find_candidates(mujoco.MjModel.from_xml_string(PAIR.format(masks="", contact="")))
 
 
 @pytest.mark.parametrize("limits", [{"max_geom_pairs": 0}, {"max_contacts": -1}])

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from jaxsim.collision import detect, find_candidates
-from jaxsim.collision.bounds import BOUNDING_RADIUS
 
 PARAMETERS = ("includemargin", "friction", "solref", "solreffriction", "solimp")
 
@@ -241,13 +240,3 @@ def test_no_candidates_gives_empty_contacts():
     assert contacts.frame.shape == (0, 3, 3)
     assert contacts.ranges == ()
     assert contacts.condim.shape == (0,)
-
-
-@pytest.mark.parametrize("kind", BOUNDING_RADIUS, ids=lambda k: mujoco.mjtGeom(k).name)
-def test_bounding_radius_is_mujocos(kind):
-    name = mujoco.mjtGeom(kind).name.removeprefix("mjGEOM_").lower()
-    model = mujoco.MjModel.from_xml_string(
-        f'<mujoco><worldbody><geom type="{name}" size=".1 .2 .15"/></worldbody></mujoco>'
-    )
-    radius = BOUNDING_RADIUS[kind](jnp.asarray(model.geom_size[0]))
-    np.testing.assert_allclose(radius, model.geom_rbound[0], rtol=1e-12)
