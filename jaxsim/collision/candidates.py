@@ -14,9 +14,12 @@ import mujoco
 import numpy as np
 
 from jaxsim.collision.contact import ContactKind, SlotRange
-from jaxsim.collision.table import PAIRS, supported_pairs, type_name
+from jaxsim.collision.table import PAIRS
+from jaxsim.collision.unsupported import unsupported_pairs
 from jaxsim.model.errors import ModelError
 from jaxsim.model.facts import fact
+from jaxsim.model.names import Names
+from jaxsim.model.problems import raise_problems
 
 # An upper limit for all groups or kinds, or one for each, or none.
 Limit = int | tuple[int, ...] | None
@@ -144,8 +147,9 @@ def model_candidates(model: Any) -> Candidates:
 @fact()
 def pair_groups(model: Any) -> tuple[PairGroup, ...]:
     """All candidate pairs, ordered by kind, then by types, then by geoms; errors as there."""
+    names = Names.from_mujoco(model) if isinstance(model, mujoco.MjModel) else model.names
     rows = candidate_pairs(model)
-    _check_supported(model, rows)
+    raise_problems(unsupported_pairs(model, rows, names.label))
     return _grouped(model, rows)
 
 
@@ -227,37 +231,6 @@ def _ordered_by_type(model: Any, rows: np.ndarray) -> np.ndarray:
     """Swap the geoms of a pair where needed, so that the lower type comes first."""
     types = np.asarray(model.geom_type)[rows[:, :2]]
     return np.where((types[:, 0] > types[:, 1])[:, None], rows[:, [1, 0, 2]], rows)
-
-
-def _check_supported(model: Any, rows: np.ndarray) -> None:
-    types = np.asarray(model.geom_type)[rows[:, :2]]
-    first = np.unique(types, axis=0, return_index=True)[1]
-    for row, pair_types in zip(rows[first], types[first], strict=True):
-        if tuple(pair_types.tolist()) not in PAIRS:
-            raise ModelError(_unsupported(model, row, pair_types))
-
-
-def _unsupported(model: Any, row: np.ndarray, types: np.ndarray) -> str:
-    """What is wrong with a pair and what to do; no filter applies to an explicit <pair>."""
-    one, two = (
-        f"{_label(model, geom)} ({type_name(kind)})" for geom, kind in zip(row, types, strict=False)
-    )
-    remedy = (
-        "remove their <pair>"
-        if row[2] >= 0
-        else "set contype and conaffinity to 0 on one of them or add an <exclude> for their bodies"
-    )
-    return (
-        f"{one} and {two} may collide, but the supported pairs of shapes are "
-        f"{supported_pairs()}; {remedy}"
-    )
-
-
-def _label(model: Any, geom: int) -> str:
-    if isinstance(model, mujoco.MjModel):
-        name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_GEOM, int(geom))
-        return f"geom {name!r}" if name else f"geom number {geom}"
-    return model.names.label("geom", int(geom))
 
 
 def _condim(model: Any, rows: np.ndarray) -> np.ndarray:

@@ -21,6 +21,7 @@ from jaxsim.collision.pairs.plane import (
     plane_sphere,
 )
 from jaxsim.collision.shapes import Contacts, Shape
+from jaxsim.model.enums import constant_name
 
 PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)
 SPHERE = int(mujoco.mjtGeom.mjGEOM_SPHERE)
@@ -56,7 +57,7 @@ PAIRS: dict[tuple[int, int], PairFunction] = {
 
 def type_name(geom_type: int) -> str:
     """MJCF's word for a type number: `type_name(3) == "capsule"`."""
-    return mujoco.mjtGeom(int(geom_type)).name.removeprefix("mjGEOM_").lower()
+    return constant_name("mjtGeom", geom_type).lower()
 
 
 def supported_pairs() -> str:

@@ -10,6 +10,7 @@ import math
 import jax
 import jax.numpy as jnp
 import mujoco
+import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsim.arrays.constants import MINVAL
@@ -18,16 +19,21 @@ from jaxsim.arrays.polynomial import magnitude
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.rnea import project_wrench
 from jaxsim.dynamics.velocity import Velocities, body_twists
-from jaxsim.model import Model
+from jaxsim.model import Model, ModelError
 
 _SPRING = mujoco.mjtDisableBit.mjDSBL_SPRING
 _DAMPER = mujoco.mjtDisableBit.mjDSBL_DAMPER
 
 
 def qfrc_fluid(model: Model, kin: Kinematics, vel: Velocities) -> Float[Array, "nv"]:
-    """Generalised forces of drag on all bodies."""
+    """Generalised forces of drag on all bodies.
+
+    Raises:
+      ModelError: a geom asks for the ellipsoid model, and a medium was put into the model later.
+    """
     if not has_fluid(model):
         return jnp.zeros_like(model.dof_damping)
+    _check_ellipsoids(model)
     viscous, quadratic = _coefficients(model)
 
     def one(mat, v, b, c):
@@ -65,6 +71,14 @@ def has_fluid(model: Model) -> bool:
     off = model.opt.disabled(_SPRING) and model.opt.disabled(_DAMPER)
     medium = model.nonzero_rows("opt.density") or model.nonzero_rows("opt.viscosity")
     return bool(medium) and not off
+
+
+def _check_ellipsoids(model: Model) -> None:
+    for geom in np.flatnonzero(model.structure.source.geom_fluid[:, 0]):
+        raise ModelError(
+            f"{model.names.label('geom', int(geom))}: fluidshape is not supported in a medium; "
+            "load the model without it for the inertia-box fluid model"
+        )
 
 
 def _relative_twists(model: Model, kin: Kinematics, vel: Velocities) -> Float[Array, "nbody 6"]:

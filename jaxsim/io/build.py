@@ -9,12 +9,16 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 
+from jaxsim.collision.candidates import candidate_pairs
+from jaxsim.collision.unsupported import unsupported_pairs
 from jaxsim.io.frames import effective_frames
+from jaxsim.io.physical import impossible
 from jaxsim.io.singular import check_mass_matrix
+from jaxsim.io.supported import unsupported
 from jaxsim.model.model import Model, Option, Statistic
 from jaxsim.model.names import Names
+from jaxsim.model.problems import raise_problems
 from jaxsim.model.structure import ARRAYS, SIZES, Structure
-from jaxsim.model.validate import check_physics, check_supported
 
 _STATIC_OPTIONS = (
     "integrator cone iterations ls_iterations disableflags enableflags disableactuator"
@@ -35,23 +39,29 @@ def build(mj: mujoco.MjModel) -> Model:
     Raises:
       ModelError: the model asks for something that is not supported, or its physics is invalid.
     """
-    check_supported(mj)
+    names = Names.from_mujoco(mj)
+    raise_problems(
+        [
+            *unsupported(mj, names.label),
+            *unsupported_pairs(mj, candidate_pairs(mj), names.label),
+            *impossible(mj, names.label),
+        ]
+    )
+    check_mass_matrix(mj, names.label)
     structure = Structure(
         sizes={name: int(getattr(mj, name)) for name in SIZES},
         arrays={name: _static_array(mj, name) for name in ARRAYS},
-        names=Names.from_mujoco(mj),
+        names=names,
         source=copy.copy(mj),
     )
-    names = {f.name for f in dataclasses.fields(Model)} - _STATIC - {"opt", "stat"}
-    leaves = {name: getattr(mj, name) for name in sorted(names)} | effective_frames(mj)
+    fields = {f.name for f in dataclasses.fields(Model)} - _STATIC - {"opt", "stat"}
+    leaves = {name: getattr(mj, name) for name in sorted(fields)} | effective_frames(mj)
     model = Model(
         structure=structure,
         opt=_option(mj.opt),
         stat=Statistic(**{n: _leaf(getattr(mj.stat, n)) for n in ("meaninertia", "meanmass")}),
         **{name: _leaf(value) for name, value in leaves.items()},
     )
-    check_physics(model)
-    check_mass_matrix(mj)
     return model.replace(**{name: getattr(model, name) for name in ("opt", *leaves)})
 
 

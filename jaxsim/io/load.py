@@ -13,6 +13,8 @@ from jaxsim.io import build
 from jaxsim.io.budget import contact_budget
 from jaxsim.model import Model, ModelError
 
+_BEFORE_XML = "\ufeff \t\r\n"  # a byte order mark, or white space
+
 
 def load(
     source: str | os.PathLike | mujoco.MjSpec | mujoco.MjModel,
@@ -44,7 +46,7 @@ def load(
     Raises:
       FileNotFoundError: there is no such file, and no bundled model has this name.
       ModelError: the XML is malformed, the model asks for something that is not supported, or
-        its physics is invalid.
+        its physics is invalid; `problems` lists all of it.
       TypeError: the source is of another type.
       ValueError: an option is out of its range.
     """
@@ -67,7 +69,7 @@ def compile_mujoco(source) -> mujoco.MjModel:
         return source
     if isinstance(source, mujoco.MjSpec):
         return _compiled(source.compile, "the MjSpec")
-    if isinstance(source, str) and source.lstrip().startswith("<"):
+    if isinstance(source, str) and source.lstrip(_BEFORE_XML).startswith("<"):
         return _compiled(lambda: mujoco.MjModel.from_xml_string(source), "the XML string")
     if isinstance(source, (str, os.PathLike)):
         return _compiled_file(source)
@@ -107,15 +109,22 @@ def _assets():
 def _compiled_file(source: str | os.PathLike) -> mujoco.MjModel:
     """A file of that path, else a bundled model of that name."""
     path = pathlib.Path(source)
-    if path.is_file():
+    if _is_file(path):
         return _compiled(lambda: mujoco.MjModel.from_xml_path(str(path)), str(path))
     xml = bundled_xml(os.fspath(source))
     return _compiled(lambda: mujoco.MjModel.from_xml_string(xml), f"the bundled model {source}")
 
 
+def _is_file(path: pathlib.Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # the name is longer than a file's may be, for instance
+        return False
+
+
 def _compiled(compile_, what: str) -> mujoco.MjModel:
     try:
         return compile_()
-    except (ValueError, mujoco.FatalError) as error:
-        reason = " ".join(str(error).split())
+    except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
         raise ModelError(f"MuJoCo cannot compile {what}: {reason}") from error

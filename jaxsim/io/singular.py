@@ -4,12 +4,13 @@ import mujoco
 import numpy as np
 
 from jaxsim.model.errors import ModelError
+from jaxsim.model.names import Label
 
 # A pivot this small next to its diagonal entry is rounding.
 _MIN_PIVOT = 1e-13
 
 
-def check_mass_matrix(mj: mujoco.MjModel) -> None:
+def check_mass_matrix(mj: mujoco.MjModel, label: Label) -> None:
     """Raise `ModelError` if the mass matrix is singular in the reference configuration.
 
     Joints of a body that can undo each other, such as four slides, have no unique accelerations.
@@ -23,7 +24,7 @@ def check_mass_matrix(mj: mujoco.MjModel) -> None:
         pivot, column = matrix[k, k], matrix[:k, k]
         if not pivot > _MIN_PIVOT * scale[k]:
             raise ModelError(
-                f"{_joint_label(mj, mj.dof_jntid[k])}: the mass matrix is singular at qpos0; "
+                f"{label('joint', int(mj.dof_jntid[k]))}: the mass matrix is singular at qpos0; "
                 "remove the joint if others can make the same motion, or give it armature"
             )
         (rows,) = np.nonzero(column)
@@ -38,8 +39,3 @@ def _mass_matrix(mj: mujoco.MjModel) -> np.ndarray:
     matrix = np.zeros((mj.nv, mj.nv))
     mujoco.mj_fullM(mj, data, matrix)
     return matrix
-
-
-def _joint_label(mj: mujoco.MjModel, joint: int) -> str:
-    name = mujoco.mj_id2name(mj, mujoco.mjtObj.mjOBJ_JOINT, int(joint))
-    return f"joint {name!r}" if name else f"joint number {joint}"

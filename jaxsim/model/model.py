@@ -162,8 +162,8 @@ class Model:
     key_qpos: Float[Array, "nkey nq"]
     key_qvel: Float[Array, "nkey nv"]
     key_act: Float[Array, "nkey na"]
-    key_mpos: Float[Array, "nkey nmocap3"]
-    key_mquat: Float[Array, "nkey nmocap4"]
+    key_mpos: Float[Array, "nkey 3*nmocap"]
+    key_mquat: Float[Array, "nkey 4*nmocap"]
     key_ctrl: Float[Array, "nkey nu"]
     hessian: str = struct.field(pytree_node=False, default="auto")
     rotations: str = struct.field(pytree_node=False, default="lie")

@@ -1,23 +1,30 @@
 """Names of a model's elements, looked up both ways."""
 
 import difflib
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import mujoco
 
+# Kinds of elements, and how MuJoCo calls the addresses of their names.
 KINDS = {
-    "body": "nbody",
-    "joint": "njnt",
-    "geom": "ngeom",
-    "site": "nsite",
-    "camera": "ncam",
-    "pair": "npair",
-    "exclude": "nexclude",
-    "equality": "neq",
-    "tendon": "ntendon",
-    "actuator": "nactuator",
-    "sensor": "nsensor",
-    "key": "nkey",
+    "body": "body",
+    "joint": "jnt",
+    "geom": "geom",
+    "site": "site",
+    "camera": "cam",
+    "pair": "pair",
+    "exclude": "exclude",
+    "equality": "eq",
+    "tendon": "tendon",
+    "actuator": "actuator",
+    "sensor": "sensor",
+    "key": "key",
 }
+_DEEPEST = 3  # so many elements say where one without a name belongs
+
+Label = Callable[[str, int], str]
+Element = tuple[str, int]
 
 
 class Names:
@@ -30,23 +37,23 @@ class Names:
       'knee'
     """
 
-    def __init__(self, names: dict[str, tuple[str, ...]]):
-        self._names = names
+    def __init__(
+        self,
+        names: dict[str, tuple[str, ...]],
+        owners: Mapping[str, Sequence[Element | None]] | None = None,
+    ):
+        self._names, self._owners = names, owners or {}
         self._ids = {k: {n: i for i, n in enumerate(v) if n} for k, v in names.items()}
         self.key = tuple(sorted(names.items()))
 
     @classmethod
     def from_mujoco(cls, mj: mujoco.MjModel) -> "Names":
         """Read all names of a compiled model."""
-        return cls(
-            {
-                kind: tuple(
-                    mujoco.mj_id2name(mj, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), i) or ""
-                    for i in range(getattr(mj, size))
-                )
-                for kind, size in KINDS.items()
-            }
-        )
+        names = {
+            kind: tuple(_decoded(mj.names, a) for a in getattr(mj, f"name_{prefix}adr"))
+            for kind, prefix in KINDS.items()
+        }
+        return cls(names, _owners(mj))
 
     def of(self, kind: str) -> tuple[str, ...]:
         """All names of a kind in the order of their ids; unnamed elements are empty strings.
@@ -89,9 +96,78 @@ class Names:
         return names[index]
 
     def label(self, kind: str, index: int) -> str:
-        """How a message refers to an element: its kind with its name, or with its number."""
-        name = self.name(kind, index)
-        return f"{kind} {name!r}" if name else f"{kind} number {index}"
+        """How a message refers to an element: its kind with its name.
+
+        Without a name it is its number, and what it belongs to.
+        """
+        parts = []
+        element: Element | None = (kind, index)
+        while element and len(parts) < _DEEPEST:
+            kind, index = element
+            name = self.name(kind, index)
+            parts.append(f"{kind} {name!r}" if name else f"{kind} number {index}")
+            element = None if name or kind not in self._owners else self._owners[kind][index]
+        return " of ".join(parts)
+
+
+def _decoded(names: bytes, start: int) -> str:
+    """The name at an address; what is not UTF-8 is Latin-1, in which every byte is a letter."""
+    raw = names[start : names.index(b"\0", start)]
+    try:
+        return raw.decode("utf-8")
+    except UnicodeDecodeError:
+        return raw.decode("latin-1")
+
+
+def _owners(mj: mujoco.MjModel) -> dict[str, list[Element | None]]:
+    """What each element belongs to or acts on."""
+    bodies = {"body": mj.body_parentid, "joint": mj.jnt_bodyid, "geom": mj.geom_bodyid}
+    bodies |= {"site": mj.site_bodyid, "camera": mj.cam_bodyid}
+    owners: dict[str, list[Any]] = {
+        kind: [("body", int(b)) for b in ids] for kind, ids in bodies.items()
+    }
+    owners["body"] = [body if body[1] else None for body in owners["body"]]
+    owners["pair"] = [("geom", int(g)) for g in mj.pair_geom1]
+    owners["equality"] = _objects(
+        [_EQUALITIES.get(int(e), int(o)) for e, o in zip(mj.eq_type, mj.eq_objtype, strict=True)],
+        mj.eq_obj1id,
+    )
+    owners["sensor"] = _objects(mj.sensor_objtype, mj.sensor_objid)
+    owners["actuator"] = _objects(
+        [_TRANSMISSIONS.get(int(t), -1) for t in mj.actuator_trntype], mj.actuator_trnid[:, 0]
+    )
+    return owners
+
+
+def _objects(types: Sequence[int], ids: Sequence[int]) -> list[Element | None]:
+    found = [(_OBJECTS.get(int(t)), int(i)) for t, i in zip(types, ids, strict=True)]
+    return [(kind, i) if kind and i >= 0 else None for kind, i in found]
+
+
+_OBJECTS = {
+    int(getattr(mujoco.mjtObj, f"mjOBJ_{name}")): kind
+    for name, kind in {
+        **{kind.upper(): kind for kind in ("body", "joint", "geom", "site", "camera", "tendon")},
+        "XBODY": "body",
+        "ACTUATOR": "actuator",
+    }.items()
+}
+# Equalities of these types leave the type of their objects open.
+_EQUALITIES = {
+    int(getattr(mujoco.mjtEq, f"mjEQ_{name}")): int(getattr(mujoco.mjtObj, f"mjOBJ_{name}"))
+    for name in ("JOINT", "TENDON")
+}
+_TRANSMISSIONS = {
+    int(getattr(mujoco.mjtTrn, f"mjTRN_{name}")): int(getattr(mujoco.mjtObj, f"mjOBJ_{obj}"))
+    for name, obj in {
+        "JOINT": "JOINT",
+        "JOINTINPARENT": "JOINT",
+        "TENDON": "TENDON",
+        "SITE": "SITE",
+        "BODY": "BODY",
+        "SLIDERCRANK": "SITE",
+    }.items()
+}
 
 
 def _suggestion(name: str, known: list[str]) -> str:

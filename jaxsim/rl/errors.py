@@ -4,21 +4,9 @@ from jaxsim.model import JaxsimError
 
 
 class ConfigError(JaxsimError, ValueError):
-    """Settings that do not exist or make no sense.
+    """Settings that do not exist or make no sense."""
 
-    Attributes:
-      problems: one sentence for each of them.
-    """
-
-    def __init__(self, *problems: str):
-        super().__init__(*problems)
-        self.problems = problems
-
-    def __str__(self) -> str:
-        """The problem, or a list of them."""
-        if len(self.problems) == 1:
-            return str(self.problems[0])
-        return "\n- ".join((f"{len(self.problems)} settings are wrong:", *self.problems))
+    summary = "{} settings are wrong"
 
 
 class CheckpointError(JaxsimError, ValueError):

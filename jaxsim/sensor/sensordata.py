@@ -20,7 +20,7 @@ _POSITIVE = int(mujoco.mjtDataType.mjDATATYPE_POSITIVE)
 _LENGTHS = ("tendon_length", "tendon_velocity")
 _FORCES = ("qacc", "body_wrench")
 # By type of sensor: the function that reads it, and the optional signals that it reads.
-_SENSORS = {
+SENSORS = {
     "JOINTPOS": (position.jointpos, ()),
     "TENDONPOS": (position.tendonpos, ("tendon_length",)),
     "ACTUATORPOS": (position.actuatorpos, ("actuator_length",)),
@@ -62,14 +62,13 @@ _SENSORS = {
     "FRAMELINACC": (acceleration.framelinacc, ("qacc",)),
     "FRAMEANGACC": (acceleration.frameangacc, ("qacc",)),
 }
-SUPPORTED = frozenset(_SENSORS)
 
 
 def needs(model: Model) -> frozenset[str]:
     """Which optional fields of `Signals` the model's sensors read; empty if they are disabled."""
     if model.opt.disabled(_SENSOR_OFF):
         return frozenset()
-    return frozenset(name for kind in kinds(model) for name in _SENSORS[kind][1])
+    return frozenset(name for kind in kinds(model) for name in SENSORS[kind][1])
 
 
 def sensordata(signals: Signals) -> Float[Array, "nsensordata"]:
@@ -92,7 +91,7 @@ def sensordata(signals: Signals) -> Float[Array, "nsensordata"]:
     if missing:
         raise ValueError(f"the model's sensors need the signals {', '.join(missing)}; got None")
     readings, groups = Readings(signals), group_sensors(model)
-    values = [_SENSORS[g.kind][0](readings, g).astype(dtype).ravel() for g in groups]
+    values = [SENSORS[g.kind][0](readings, g).astype(dtype).ravel() for g in groups]
     address = np.concatenate([_addresses(model, g) for g in groups])
     return _cut_off(model, take(jnp.concatenate(values), np.argsort(address)))
 

@@ -108,5 +108,5 @@ def test_armature_of_an_actuator_belongs_to_a_joint():
       <tendon><fixed name="t"><joint joint="j" coef="1"/></fixed></tendon>
       <actuator><motor {}="{}" armature="1"/></actuator></mujoco>"""
     assert load(xml.format("joint", "j")).nu == 1
-    with pytest.raises(ModelError, match="actuator number 0: armature"):
+    with pytest.raises(ModelError, match="actuator number 0 of tendon 't': armature"):
         load(xml.format("tendon", "t"))

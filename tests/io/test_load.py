@@ -77,6 +77,33 @@ def test_malformed_xml(text):
     assert "\n" not in str(caught.value)
 
 
+BYTE_ORDER_MARK = "\ufeff"
+
+
+def test_a_byte_order_mark_is_no_file_name():
+    assert load(BYTE_ORDER_MARK + XML).nv == 1
+
+
+def test_names_in_latin_1(tmp_path):
+    path = tmp_path / "cafe.xml"
+    path.write_bytes(XML.replace("link", "caf\xe9").encode("latin-1"))
+    assert load(path).names.id("body", "caf\xe9") == 1
+
+
+def test_a_name_longer_than_a_file_may_have():
+    with pytest.raises(FileNotFoundError, match="no file and no bundled model"):
+        load("a" * 5000)
+
+
+def test_what_mujoco_cannot_allocate_is_a_model_error(monkeypatch):
+    def refuse(text):
+        raise MemoryError
+
+    monkeypatch.setattr(mujoco.MjModel, "from_xml_string", refuse)
+    with pytest.raises(ModelError, match="cannot compile the XML string: MemoryError"):
+        load(XML)
+
+
 def test_malformed_file_is_named(tmp_path):
     path = tmp_path / "broken.xml"
     path.write_text("<mujoco>")

@@ -44,7 +44,7 @@ def test_names_and_ids_are_those_of_mujoco(model):
 def test_unnamed_elements_have_an_empty_name_and_a_label():
     names = load("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>").names
     assert names.name("geom", 0) == ""
-    assert names.label("geom", 0) == "geom number 0"
+    assert names.label("geom", 0) == "geom number 0 of body 'world'"
     assert names.label("body", 0) == "body 'world'"
 
 
@@ -66,3 +66,16 @@ def test_unknown_name(model, kind, name, message):
 def test_unknown_index(model, index):
     with pytest.raises(IndexError, match=f"2 elements of kind 'joint', got id {index}"):
         model.names.name("joint", index)
+
+
+def test_elements_without_a_name_say_where_they_belong():
+    names = load(
+        """<mujoco><worldbody><body><joint name="hip"/><geom size=".1"/>
+        <body><joint/><geom size=".1"/></body></body></worldbody>
+        <actuator><motor joint="hip"/></actuator><sensor><jointpos joint="hip"/></sensor>
+        <equality><joint joint1="hip"/></equality></mujoco>"""
+    ).names
+    assert names.label("joint", 1) == "joint number 1 of body number 2 of body number 1"
+    assert names.label("geom", 0) == "geom number 0 of body number 1"
+    for kind in ("actuator", "sensor", "equality"):
+        assert names.label(kind, 0) == f"{kind} number 0 of joint 'hip'"

@@ -14,7 +14,7 @@ from mujoco_records import evaluated, record, rollout
 from jaxsim.dynamics.motion import Motion
 from jaxsim.io import build
 from jaxsim.model import ModelError
-from jaxsim.sensor import SUPPORTED, Signals, needs, sensordata
+from jaxsim.sensor import SENSORS, Signals, needs, sensordata
 
 
 @pytest.fixture
@@ -88,7 +88,7 @@ def _menagerie_rollout(mj):
 
 def test_the_model_of_everything_has_everything(menagerie):
     types = {mujoco.mjtSensor(int(t)).name.removeprefix("mjSENS_") for t in menagerie.sensor_type}
-    assert types == SUPPORTED
+    assert types == set(SENSORS)
     data = np.array([d.sensordata for d in _menagerie_rollout(menagerie)])
     for s in range(menagerie.nsensor):
         kind = mujoco.mjtSensor(int(menagerie.sensor_type[s])).name

@@ -1,0 +1,166 @@
+"""What a model may ask for.
+
+Everything that MuJoCo would use and this package would not is a problem here: nothing is ignored
+silently. Rendering data (cameras, lights, materials, visual meshes) has no effect on the physics
+and passes. Attributes are named as in MJCF; a constant that this MuJoCo has no name for is one of
+a later MuJoCo, and is a problem too.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from jaxsim.model.enums import constant_name
+from jaxsim.model.names import Label
+from jaxsim.model.problems import Problem, rows
+from jaxsim.sensor import SENSORS
+
+_ENABLE_FLAGS = "OVERRIDE ENERGY FWDINV SLEEP"
+# What MJCF calls otherwise than MuJoCo's constants.
+_MJCF_NAMES = {
+    "geomdist": "distance",
+    "geomnormal": "normal",
+    "geomfromto": "fromto",
+    "slidercrank": "cranksite",
+}
+
+
+class _Choice(NamedTuple):
+    """A field whose values are constants of MuJoCo's, of which some are supported."""
+
+    field: str
+    kind: str
+    attribute: str
+    enum: str
+    supported: str
+
+
+_CHOICES = (
+    _Choice("jnt_type", "joint", "type", "mjtJoint", "FREE BALL SLIDE HINGE"),
+    _Choice(
+        *("actuator_trntype", "actuator", "transmission", "mjtTrn"),
+        "JOINT JOINTINPARENT TENDON SITE",
+    ),
+    _Choice(
+        *("actuator_dyntype", "actuator", "dyntype", "mjtDyn"),
+        "NONE INTEGRATOR FILTER FILTEREXACT MUSCLE",
+    ),
+    _Choice("actuator_gaintype", "actuator", "gaintype", "mjtGain", "FIXED AFFINE MUSCLE"),
+    _Choice("actuator_biastype", "actuator", "biastype", "mjtBias", "NONE AFFINE MUSCLE"),
+    _Choice("eq_type", "equality", "type", "mjtEq", "CONNECT WELD JOINT TENDON"),
+)
+_OPTIONS = (
+    _Choice(
+        "integrator", "option", "integrator", "mjtIntegrator", "EULER RK4 IMPLICIT IMPLICITFAST"
+    ),
+    _Choice("cone", "option", "cone", "mjtCone", "PYRAMIDAL ELLIPTIC"),
+)
+
+
+def unsupported(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
+    """Everything in a compiled model that is not supported, and what to do about it."""
+    yield from _options(mj)
+    for choice in _CHOICES:
+        for i, value in enumerate(getattr(mj, choice.field)):
+            yield from _chosen(choice, label(choice.kind, i), value)
+    for kind, attribute, values, remedy in _attributes(mj):
+        for i in rows(np.asarray(values) != 0):
+            yield Problem(label(kind, i), f"{attribute} is not supported; {remedy}")
+    yield from _tendons(mj, label)
+    yield from _limits(mj, label)
+    yield from _sensors(mj, label)
+
+
+def _mjcf(constant: str) -> str:
+    return _MJCF_NAMES.get(constant.lower(), constant.lower())
+
+
+def _chosen(choice: _Choice, who: str, value: int) -> Iterator[Problem]:
+    name = constant_name(choice.enum, value)
+    if name not in choice.supported.split():
+        known = ", ".join(choice.supported.lower().split())
+        yield Problem(
+            who, f"{choice.attribute} {_mjcf(name)!r} is not supported; use one of {known}"
+        )
+
+
+def _options(mj: mujoco.MjModel) -> Iterator[Problem]:
+    for choice in _OPTIONS:
+        yield from _chosen(choice, "option", getattr(mj.opt, choice.field))
+    if mj.opt.noslip_iterations:
+        yield Problem("option", "noslip_iterations is not supported; set it to 0 and use impratio")
+    flags = int(mj.opt.enableflags)
+    for bit in (1 << k for k in range(flags.bit_length()) if flags >> k & 1):
+        name = constant_name("mjtEnableBit", bit)
+        if name not in _ENABLE_FLAGS.split():
+            yield Problem("option flag", f"{name.lower()} is not supported; disable it")
+    for size, what in (("nflex", "flex"), ("nplugin", "plugin")):
+        if getattr(mj, size):
+            yield Problem("", f"{what} elements are not supported; remove them from the model")
+
+
+def _attributes(mj: mujoco.MjModel) -> tuple[tuple[str, str, np.ndarray, str], ...]:
+    """Attributes that must be zero: kind of element, MJCF's name, values, remedy."""
+    remove, joints = "remove the attribute", "put armature on the joints"
+    on_tendon = mj.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON
+    in_medium = mj.opt.density > 0 or mj.opt.viscosity > 0
+    return (
+        ("actuator", "delay", mj.actuator_delay, remove),
+        ("actuator", "more than one control", mj.actuator_ctrlnum - 1, "use one each"),
+        ("actuator", "armature of a tendon's actuator", mj.actuator_armature * on_tendon, joints),
+        (
+            "geom",
+            "fluidshape in a medium",
+            mj.geom_fluid[:, 0] * in_medium,
+            "use the inertia-box fluid model",
+        ),
+        ("geom", "surfacevel", mj.geom_surfacevel, remove),
+        ("geom", "adhesion", mj.geom_adhesion, remove),
+        ("pair", "adhesion", mj.pair_adhesion, remove),
+        ("tendon", "armature", mj.tendon_armature, joints),
+        ("sensor", "delay", mj.sensor_delay, remove),
+        ("sensor", "interval", mj.sensor_interval, remove),
+    )
+
+
+def _tendons(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
+    joint = int(mujoco.mjtWrap.mjWRAP_JOINT)
+    for t in range(mj.ntendon):
+        path = mj.wrap_type[mj.tendon_adr[t] : mj.tendon_adr[t] + mj.tendon_num[t]]
+        if (path != joint).any():
+            yield Problem(
+                label("tendon", t), "spatial tendons are not supported; use a fixed tendon"
+            )
+
+
+def _limits(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
+    """One row serves both ends of a range, so both must not be active at once."""
+    scalar = np.isin(mj.jnt_type, (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE))
+    for kind, limited, bounds, margin in (
+        ("joint", mj.jnt_limited.astype(bool) & scalar, mj.jnt_range, mj.jnt_margin),
+        ("tendon", mj.tendon_limited.astype(bool), mj.tendon_range, mj.tendon_margin),
+    ):
+        for i in np.nonzero(limited & (bounds[:, 1] - bounds[:, 0] < 2 * margin))[0]:
+            yield Problem(
+                label(kind, int(i)),
+                f"margin {margin[i]:g} exceeds half of the range, so that both limits would be "
+                "active at once; use a smaller margin",
+            )
+
+
+def _sensors(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
+    camera = int(mujoco.mjtObj.mjOBJ_CAMERA)
+    for s in range(mj.nsensor):
+        name = constant_name("mjtSensor", mj.sensor_type[s])
+        if name not in SENSORS:
+            yield Problem(
+                label("sensor", s),
+                f"type {_mjcf(name)!r} is not supported; remove it, the documentation's table of "
+                "sensors lists the supported types",
+            )
+        elif camera in (mj.sensor_objtype[s], mj.sensor_reftype[s]):
+            yield Problem(
+                label("sensor", s), "sensors of cameras are not supported; attach it to a site"
+            )

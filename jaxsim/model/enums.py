@@ -1,0 +1,16 @@
+"""Names of MuJoCo's constants."""
+
+import mujoco
+
+
+def constant_name(enum: str, value: int) -> str:
+    """Name of a constant without its prefix; its number if this MuJoCo has no name for it.
+
+    Example:
+      >>> constant_name("mjtGeom", 3)
+      'CAPSULE'
+    """
+    for name, known in getattr(mujoco, enum).__members__.items():
+        if int(known) == int(value):
+            return name.partition("_")[2]
+    return f"number {int(value)}"
