@@ -64,7 +64,7 @@ def _programs(model):
 
     import jaxsim
     from jaxsim.dynamics.kinematics import kinematics
-    from jaxsim.engine.step import evaluate
+    from jaxsim.engine.stepping import evaluate
 
     def positions(state, ctrl):
         return _total(kinematics(model, state.qpos, state.mocap_pos, state.mocap_quat))

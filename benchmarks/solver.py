@@ -144,7 +144,7 @@ def _program(model, states, batch: int):
     import jaxsim
     from jaxsim.constraint import constrained_acceleration
     from jaxsim.dynamics.motion import Motion
-    from jaxsim.engine.step import evaluate
+    from jaxsim.engine.stepping import evaluate
     from jaxsim.parallel.chunks import even_lanes
 
     shape = {}

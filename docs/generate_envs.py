@@ -7,7 +7,7 @@ import pathlib
 
 import jaxsim.envs
 from jaxsim.envs.bridges import gymnasium_id
-from jaxsim.envs.describe import Description, Option, describe
+from jaxsim.envs.registry.describe import Description, Option, describe
 
 FOLDER = pathlib.Path(__file__).parent / "envs"
 NOTE = "<!-- Written by docs/generate_envs.py from jaxsim/envs/{name}.py; change it there. -->"

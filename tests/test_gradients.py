@@ -11,7 +11,7 @@ import pytest
 from instants import CONES, batch_states, converging, evaluated, rollout, stepped
 from oracle import quick_jit
 
-from jaxsim.engine.step import step
+from jaxsim.engine.stepping import step
 from jaxsim.io import bundled_models, load
 from jaxsim.joints.coordinates import difference_pos, integrate_pos
 from jaxsim.model import make_state

@@ -4,7 +4,7 @@ import argparse
 
 import jaxsim.envs
 from jaxsim.cli.report import listing
-from jaxsim.envs.describe import describe
+from jaxsim.envs.registry.describe import describe
 
 
 def run(_: argparse.Namespace) -> int:

@@ -8,7 +8,8 @@ from jaxsim import rl
 from jaxsim.cli import UsageError
 from jaxsim.cli.episode import save_video
 from jaxsim.cli.report import note, report
-from jaxsim.rl import checkpoint, directory, driver
+from jaxsim.rl import checkpoint, driver
+from jaxsim.rl.runs import directory
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -10,12 +10,12 @@ from jaxsim.cli import UsageError
 from jaxsim.cli.episode import save_video
 from jaxsim.cli.report import note, report
 from jaxsim.cli.simulate import prepare_cpu
-from jaxsim.rl import distributed
-from jaxsim.rl.directory import read_run
 from jaxsim.rl.driver import Result, run_env
 from jaxsim.rl.errors import CheckpointError
 from jaxsim.rl.metrics import read
-from jaxsim.rl.stored import stored_settings
+from jaxsim.rl.parts import distributed
+from jaxsim.rl.runs.directory import read_run
+from jaxsim.rl.runs.stored import stored_settings
 from jaxsim.viz.curves import plot_learning
 
 

@@ -8,7 +8,7 @@ from jaxsim.collision.candidates import (
     model_candidates,
 )
 from jaxsim.collision.contact import Contact, ContactKind, SlotRange
-from jaxsim.collision.detect import detect
+from jaxsim.collision.detection import detect
 from jaxsim.collision.parameters import contact_parameters
 from jaxsim.collision.shapes import INACTIVE, Contacts, Shape
 from jaxsim.collision.table import PAIRS, PairFunction

@@ -1,9 +1,9 @@
 """One environment: forward, step, rollout, inverse, and the host-side check of their results."""
 
-from jaxsim.engine.check import SimulationError, check
+from jaxsim.engine.checking import SimulationError, check
 from jaxsim.engine.report import ContactReport, Forward, forward, inverse
 from jaxsim.engine.status import Status
-from jaxsim.engine.step import rollout, step, step_with_status
+from jaxsim.engine.stepping import rollout, step, step_with_status
 
 __all__ = [
     "ContactReport",

@@ -14,7 +14,7 @@ from jaxsim.dynamics.rnea import generalized_force, link_accelerations, link_for
 from jaxsim.engine.inputs import check_shapes
 from jaxsim.engine.readout import read_sensors
 from jaxsim.engine.status import Status
-from jaxsim.engine.step import contacts, evaluate, forces
+from jaxsim.engine.stepping import contacts, evaluate, forces
 from jaxsim.model import Model, State
 from jaxsim.quantities.energy import kinetic_energy, potential_energy
 

@@ -10,10 +10,10 @@ Example:
 
 from jaxsim.envs import bridges, registry
 from jaxsim.envs.base import Env, EnvState, Task, static
-from jaxsim.envs.moment import Moment
+from jaxsim.envs.base.moment import Moment
+from jaxsim.envs.base.start import load_asset, start_from, uniform, uniform_start
 from jaxsim.envs.randomization import randomize
 from jaxsim.envs.registry import Spec, make, names, register, spec
-from jaxsim.envs.start import load_asset, start_from, uniform, uniform_start
 from jaxsim.envs.wrappers import AutoReset, TimeLimit, Wrapper, extended
 
 __all__ = [

@@ -4,8 +4,8 @@ import jax
 import jax.numpy as jnp
 from flax import struct
 
-from jaxsim.envs.base import Env, EnvState, static
-from jaxsim.envs.start import load_asset, start_from
+from jaxsim.envs.base.env import Env, EnvState, static
+from jaxsim.envs.base.start import load_asset, start_from
 from jaxsim.model import Model
 
 

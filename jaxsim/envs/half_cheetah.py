@@ -3,9 +3,9 @@
 import jax.numpy as jnp
 from flax import struct
 
-from jaxsim.envs.base import Task, static
+from jaxsim.envs.base.env import Task, static
+from jaxsim.envs.base.start import load_asset, uniform_start
 from jaxsim.envs.planar import forward_velocity
-from jaxsim.envs.start import load_asset, uniform_start
 from jaxsim.model import Model
 
 

@@ -3,8 +3,8 @@
 import jax.numpy as jnp
 from flax import struct
 
+from jaxsim.envs.base.start import load_asset
 from jaxsim.envs.planar import PlanarWalker, within
-from jaxsim.envs.start import load_asset
 from jaxsim.model import Model
 
 

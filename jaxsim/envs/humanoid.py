@@ -4,10 +4,10 @@ import jax.numpy as jnp
 from flax import struct
 from jaxtyping import Array, Bool
 
-from jaxsim.envs.base import static
-from jaxsim.envs.moment import Moment
+from jaxsim.envs.base.env import static
+from jaxsim.envs.base.moment import Moment
+from jaxsim.envs.base.start import load_asset
 from jaxsim.envs.planar import within
-from jaxsim.envs.start import load_asset
 from jaxsim.envs.whole_body import WholeBody, contact_cost
 from jaxsim.model import Model
 

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 from flax import struct
 
-from jaxsim.envs.start import load_asset
+from jaxsim.envs.base.start import load_asset
 from jaxsim.envs.whole_body import WholeBody, contact_cost
 from jaxsim.model import Model
 

@@ -4,9 +4,9 @@ import jax
 import jax.numpy as jnp
 from flax import struct
 
-from jaxsim.envs.base import Task, static
-from jaxsim.envs.measures import wrapped
-from jaxsim.envs.start import load_asset, start_from
+from jaxsim.envs.base.env import Task, static
+from jaxsim.envs.base.measures import wrapped
+from jaxsim.envs.base.start import load_asset, start_from
 from jaxsim.model import Model
 
 

@@ -4,9 +4,9 @@ import jax.numpy as jnp
 from flax import struct
 from jaxtyping import Array, Bool, Float
 
-from jaxsim.envs.base import Task, static
-from jaxsim.envs.moment import Moment
-from jaxsim.envs.start import uniform_start
+from jaxsim.envs.base.env import Task, static
+from jaxsim.envs.base.moment import Moment
+from jaxsim.envs.base.start import uniform_start
 
 
 def forward_velocity(before: dict, now: Moment, dt: Float[Array, ""]) -> Float[Array, ""]:

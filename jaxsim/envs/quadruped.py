@@ -6,9 +6,9 @@ import numpy as np
 from flax import struct
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from jaxsim.envs.base import Task, static
-from jaxsim.envs.moment import Moment
-from jaxsim.envs.start import load_asset, start_from, uniform
+from jaxsim.envs.base.env import Task, static
+from jaxsim.envs.base.moment import Moment
+from jaxsim.envs.base.start import load_asset, start_from, uniform
 from jaxsim.model import Model
 from jaxsim.spatial import quat_from_axis_angle, quat_inv_rotate
 

@@ -3,7 +3,7 @@
 import jax
 from jaxtyping import PRNGKeyArray
 
-from jaxsim.envs.base import Env
+from jaxsim.envs.base.env import Env
 from jaxsim.io import set_const
 from jaxsim.model import Model
 

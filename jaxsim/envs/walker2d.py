@@ -2,8 +2,8 @@
 
 from flax import struct
 
+from jaxsim.envs.base.start import load_asset
 from jaxsim.envs.planar import PlanarWalker
-from jaxsim.envs.start import load_asset
 from jaxsim.model import Model
 
 

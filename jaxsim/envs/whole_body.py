@@ -5,9 +5,9 @@ from flax import struct
 from jaxtyping import Array, Float
 
 from jaxsim.dynamics.tendon import tendon_length, tendon_velocity
-from jaxsim.envs.base import Task, static
-from jaxsim.envs.moment import Moment
-from jaxsim.envs.start import uniform_start
+from jaxsim.envs.base.env import Task, static
+from jaxsim.envs.base.moment import Moment
+from jaxsim.envs.base.start import uniform_start
 
 
 @struct.dataclass(kw_only=True)

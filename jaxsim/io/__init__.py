@@ -1,8 +1,8 @@
 """From files, strings and MuJoCo's own objects to models, and back to MuJoCo."""
 
-from jaxsim.io.build import build
+from jaxsim.io.building import build
 from jaxsim.io.constants import set_const
 from jaxsim.io.export import to_mujoco
-from jaxsim.io.load import bundled_models, bundled_xml, load
+from jaxsim.io.loading import bundled_models, bundled_xml, load
 
 __all__ = ["build", "bundled_models", "bundled_xml", "load", "set_const", "to_mujoco"]

@@ -10,11 +10,11 @@ from jax.sharding import Mesh
 from jaxtyping import Array, Float
 
 from jaxsim.arrays.checkpoint import checkpoint
+from jaxsim.batching.mapping import vmap
 from jaxsim.batching.memo import is_traced
-from jaxsim.batching.vmap import vmap
 from jaxsim.dynamics.components import motion_components
 from jaxsim.engine.status import Status
-from jaxsim.engine.step import scan_steps, step_with_status
+from jaxsim.engine.stepping import scan_steps, step_with_status
 from jaxsim.model import Model, State
 from jaxsim.model.facts import Constants
 from jaxsim.parallel.chunks import VECTOR, chunk_lanes, map_chunks

@@ -10,7 +10,7 @@ Example:
 from jaxsim.rl.algorithm import Algorithm
 from jaxsim.rl.driver import ALGORITHMS, Result, load_policy, resolve, train
 from jaxsim.rl.errors import CheckpointError, ConfigError
-from jaxsim.rl.evaluate import Evaluation, evaluate
+from jaxsim.rl.evaluation import Evaluation, evaluate
 from jaxsim.rl.networks import Policy
 
 __all__ = [

@@ -8,11 +8,11 @@ from jaxtyping import Array, Float
 
 from jaxsim.envs import Env
 from jaxsim.parallel.devices import AXIS
-from jaxsim.rl.collect import start_actors
 from jaxsim.rl.config import TrainConfig
 from jaxsim.rl.errors import ConfigError
 from jaxsim.rl.networks import ActionRange, Policy
 from jaxsim.rl.normalize import RunningStatistics
+from jaxsim.rl.parts.collect import start_actors
 
 Metrics = dict[str, Any]
 

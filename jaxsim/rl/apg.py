@@ -21,19 +21,19 @@ from jaxtyping import Array, Bool, Float
 from jaxsim.envs import Env
 from jaxsim.parallel.devices import AXIS
 from jaxsim.rl.algorithm import Algorithm
-from jaxsim.rl.collect import Actors, collect
 from jaxsim.rl.config import NetworkConfig, TrainConfig
-from jaxsim.rl.descent import Adam, average, keep_finite
-from jaxsim.rl.differentiable import (
+from jaxsim.rl.errors import ConfigError
+from jaxsim.rl.networks import Policy, TanhGaussianPolicy
+from jaxsim.rl.normalize import RunningStatistics
+from jaxsim.rl.parts.collect import Actors, collect
+from jaxsim.rl.parts.descent import Adam, average, keep_finite
+from jaxsim.rl.parts.differentiable import (
     NO_LIMIT,
     Differentiable,
     cut_episodes,
     discounts,
     spread_episodes,
 )
-from jaxsim.rl.errors import ConfigError
-from jaxsim.rl.networks import Policy, TanhGaussianPolicy
-from jaxsim.rl.normalize import RunningStatistics
 from jaxsim.rl.values import Average, Count, Fraction, NotNegative, Positive
 
 NETWORK = NetworkConfig(activation="elu")

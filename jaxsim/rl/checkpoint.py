@@ -8,8 +8,8 @@ import jax
 import jax.numpy as jnp
 import orbax.checkpoint as ocp
 
-from jaxsim.rl import manifest
 from jaxsim.rl.errors import CheckpointError
+from jaxsim.rl.runs import manifest
 
 FOLDER = "checkpoints"
 KEPT = 2  # the newest ones

@@ -14,16 +14,18 @@ from jax.sharding import Mesh
 
 from jaxsim import envs
 from jaxsim.parallel.devices import device_mesh
-from jaxsim.rl import config, directory, distributed, metrics
+from jaxsim.rl import config, metrics
 from jaxsim.rl.algorithm import Algorithm
 from jaxsim.rl.bar import Bar
 from jaxsim.rl.checkpoint import KEPT, Checkpoints
-from jaxsim.rl.distributed import Training
-from jaxsim.rl.interrupts import Interrupts
 from jaxsim.rl.lookup import ALGORITHMS, algorithm_class, algorithm_name, make_env
 from jaxsim.rl.networks import Policy
+from jaxsim.rl.parts import distributed
+from jaxsim.rl.parts.distributed import Training
 from jaxsim.rl.programs import Programs, Start, compile_all
-from jaxsim.rl.stored import load_policy, run_env
+from jaxsim.rl.runs import directory
+from jaxsim.rl.runs.interrupts import Interrupts
+from jaxsim.rl.runs.stored import load_policy, run_env
 from jaxsim.rl.values import Seed, fit
 
 __all__ = [

@@ -3,7 +3,7 @@
 from typing import Any
 
 from jaxsim import envs
-from jaxsim.envs.named import named
+from jaxsim.envs.registry.named import named
 from jaxsim.rl.algorithm import Algorithm
 from jaxsim.rl.config import TrainConfig, unknown
 from jaxsim.rl.errors import ConfigError

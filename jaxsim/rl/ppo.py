@@ -19,12 +19,12 @@ from jaxtyping import Array, Float
 from jaxsim.envs import Env
 from jaxsim.parallel.devices import AXIS
 from jaxsim.rl.algorithm import Algorithm
-from jaxsim.rl.collect import Actors, Experience, collect
 from jaxsim.rl.config import NetworkConfig, TrainConfig
-from jaxsim.rl.descent import Adam, average, check_minibatches, keep_finite, minibatches
-from jaxsim.rl.gae import advantages
 from jaxsim.rl.networks import Gaussian, GaussianPolicy, Policy, Value
 from jaxsim.rl.normalize import LIMIT, RunningStatistics, discounted_returns
+from jaxsim.rl.parts.collect import Actors, Experience, collect
+from jaxsim.rl.parts.descent import Adam, average, check_minibatches, keep_finite, minibatches
+from jaxsim.rl.parts.gae import advantages
 from jaxsim.rl.values import Count, Fraction, NotNegative, Positive
 
 

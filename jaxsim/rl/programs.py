@@ -12,9 +12,9 @@ from jax.sharding import Mesh
 from jaxsim.envs import Env
 from jaxsim.parallel.devices import AXIS, EVERYWHERE, parallel, shardings
 from jaxsim.rl.algorithm import Algorithm
-from jaxsim.rl.distributed import SPECS, Training
-from jaxsim.rl.evaluate import Evaluation, evaluate
+from jaxsim.rl.evaluation import Evaluation, evaluate
 from jaxsim.rl.networks import Policy
+from jaxsim.rl.parts.distributed import SPECS, Training
 
 
 @dataclasses.dataclass(frozen=True)

@@ -21,12 +21,12 @@ from jaxtyping import Array, Bool, Float
 from jaxsim.envs import Env
 from jaxsim.parallel.devices import AXIS
 from jaxsim.rl.algorithm import Algorithm
-from jaxsim.rl.collect import Actors, Experience, collect
 from jaxsim.rl.config import NetworkConfig, TrainConfig
-from jaxsim.rl.descent import Adam, average, blend, keep_finite
 from jaxsim.rl.errors import ConfigError
 from jaxsim.rl.networks import MLP, Policy, TanhGaussianPolicy
 from jaxsim.rl.normalize import RunningStatistics
+from jaxsim.rl.parts.collect import Actors, Experience, collect
+from jaxsim.rl.parts.descent import Adam, average, blend, keep_finite
 from jaxsim.rl.values import Count, Fraction, Positive, Range
 
 NETWORK = NetworkConfig((128, 128), "relu")

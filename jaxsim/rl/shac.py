@@ -21,9 +21,11 @@ from jaxtyping import Array, Bool, Float
 from jaxsim.envs import Env
 from jaxsim.parallel.devices import AXIS
 from jaxsim.rl.algorithm import Algorithm
-from jaxsim.rl.collect import Actors, Experience, collect
 from jaxsim.rl.config import NetworkConfig, TrainConfig
-from jaxsim.rl.descent import (
+from jaxsim.rl.networks import Policy, TanhGaussianPolicy, Value
+from jaxsim.rl.normalize import RunningStatistics
+from jaxsim.rl.parts.collect import Actors, Experience, collect
+from jaxsim.rl.parts.descent import (
     Adam,
     average,
     blend,
@@ -31,16 +33,14 @@ from jaxsim.rl.descent import (
     keep_finite,
     minibatches,
 )
-from jaxsim.rl.differentiable import (
+from jaxsim.rl.parts.differentiable import (
     NO_LIMIT,
     Differentiable,
     cut_episodes,
     discounts,
     spread_episodes,
 )
-from jaxsim.rl.gae import advantages
-from jaxsim.rl.networks import Policy, TanhGaussianPolicy, Value
-from jaxsim.rl.normalize import RunningStatistics
+from jaxsim.rl.parts.gae import advantages
 from jaxsim.rl.values import Average, Count, Fraction, NotNegative, Positive
 
 NETWORK = NetworkConfig(activation="elu")

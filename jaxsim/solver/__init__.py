@@ -1,11 +1,11 @@
 """Convex constraint solver: cost kinds, Newton's method, implicit derivatives. No robots here."""
 
+from jaxsim.solver.conjugate_gradients import hessian_product, pcg, pcg_solve
 from jaxsim.solver.elliptic_cone import EllipticCone
 from jaxsim.solver.huber import Huber
 from jaxsim.solver.implicit import attach, attach_lifted
 from jaxsim.solver.newton import Solution, SolverStatus, solve
 from jaxsim.solver.operator import LinearStatus, Operator, weighed
-from jaxsim.solver.pcg import hessian_product, pcg, pcg_solve
 from jaxsim.solver.problem import Kind, Problem
 from jaxsim.solver.pyramidal_cone import PyramidalCone
 from jaxsim.solver.quadratic import Quadratic

@@ -16,8 +16,8 @@ from jaxtyping import Array, Float
 
 from jaxsim.arrays.checkpoint import SOLUTION
 from jaxsim.arrays.precision import full_precision
+from jaxsim.solver.conjugate_gradients import hessian_product
 from jaxsim.solver.operator import Lifted, Operator, Rows
-from jaxsim.solver.pcg import hessian_product
 from jaxsim.solver.problem import Problem
 
 

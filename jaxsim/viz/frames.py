@@ -3,8 +3,8 @@
 import mujoco
 import numpy as np
 
+from jaxsim.io import to_mujoco
 from jaxsim.model import Model, State
-from jaxsim.viz.scene import scene
 
 _NO_OPENGL = (
     "MuJoCo cannot draw because it found no OpenGL: start Python with MUJOCO_GL=egl in the "
@@ -17,6 +17,9 @@ class Frames:
 
     Where no camera is named, the one called "track" is used, or else one that follows the first
     body from a distance at which everything that moves is seen.
+
+    Attributes:
+      model: what is drawn.
     """
 
     def __init__(
@@ -29,7 +32,7 @@ class Frames:
         """Remember what to draw, and how large.
 
         Args:
-          model: the compiled source of a model, with its looks; or a model, drawn in plain colours.
+          model: of one environment, drawn with the looks of its source; or MuJoCo's own model.
           width: of a frame, in pixels.
           height: of a frame, in pixels.
           camera: name or number of a camera; -1 for a free one that sees the whole model.
@@ -39,9 +42,9 @@ class Frames:
         """
         if min(width, height) < 1:
             raise ValueError(f"width and height must be positive, got {width} x {height}")
-        self._model = scene(model) if isinstance(model, Model) else model
-        self._data = mujoco.MjData(self._model)
-        self._size, self._camera = (height, width), _camera(self._model, camera)
+        self.model = to_mujoco(model) if isinstance(model, Model) else model
+        self._data = mujoco.MjData(self.model)
+        self._size, self._camera = (height, width), _camera(self.model, camera)
         self._renderer: mujoco.Renderer | None = None
 
     def frame(self, state: State) -> np.ndarray:
@@ -50,7 +53,7 @@ class Frames:
         Raises:
           RuntimeError: MuJoCo has no OpenGL to draw with.
         """
-        renderer = self._renderer = self._renderer or _renderer(self._model, self._size)
+        renderer = self._renderer = self._renderer or _renderer(self.model, self._size)
         renderer.update_scene(self.pose(state), camera=self._camera)
         return renderer.render()
 
@@ -59,9 +62,9 @@ class Frames:
         data = self._data
         data.qpos[:], data.mocap_pos[:] = state.qpos, state.mocap_pos
         data.mocap_quat[:] = state.mocap_quat
-        mujoco.mj_kinematics(self._model, data)
-        mujoco.mj_comPos(self._model, data)
-        mujoco.mj_camlight(self._model, data)
+        mujoco.mj_kinematics(self.model, data)
+        mujoco.mj_comPos(self.model, data)
+        mujoco.mj_camlight(self.model, data)
         return data
 
     def close(self) -> None:

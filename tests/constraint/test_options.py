@@ -13,7 +13,7 @@ from scenes import FLOOR, PILE
 
 import jaxsim
 from jaxsim.engine.report import forward
-from jaxsim.engine.step import evaluate
+from jaxsim.engine.stepping import evaluate
 from jaxsim.io import load
 from jaxsim.model import ModelError, make_state
 

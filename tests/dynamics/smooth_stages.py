@@ -8,7 +8,7 @@ from random_models import random_states
 
 from jaxsim import engine
 from jaxsim.engine.instant import Instant
-from jaxsim.engine.step import evaluate
+from jaxsim.engine.stepping import evaluate
 from jaxsim.io import load
 from jaxsim.model import make_state
 

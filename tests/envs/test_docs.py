@@ -11,10 +11,10 @@ import jax
 import pytest
 
 import jaxsim.envs
-from jaxsim.envs import registry
 from jaxsim.envs.bridges import spaces
 from jaxsim.envs.bridges.documented import documented
-from jaxsim.envs.describe import describe
+from jaxsim.envs.registry import entries
+from jaxsim.envs.registry.describe import describe
 
 DOCS = pathlib.Path(__file__).parents[2] / "docs"
 BUNDLED = [n for n in jaxsim.envs.names() if isinstance(jaxsim.envs.spec(n).cls, str)]
@@ -81,7 +81,7 @@ def test_examples_of_a_page_run(page):
 
 def test_the_environment_of_ones_own_is_one(monkeypatch):
     """Its class, about 40 lines, in this process; traced and not compiled, which is fast."""
-    monkeypatch.setattr(registry, "_SPECS", dict(registry._SPECS))
+    monkeypatch.setattr(entries, "_SPECS", dict(entries._SPECS))
     monkeypatch.setattr(gymnasium.envs.registration, "registry", dict(gymnasium.registry))
     block = blocks("own_environment")[0]
     assert len(block[block.index("@struct.dataclass") :].splitlines()) <= 40

@@ -12,9 +12,9 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.utils.env_match import check_environments_match
 
 import jaxsim.envs
-from jaxsim.envs import registry
 from jaxsim.envs.bridges import gymnasium_id, register_gymnasium, single
 from jaxsim.envs.bridges.constant import Constant
+from jaxsim.envs.registry import entries
 
 UNBOUNDED = "ignore:.*Box observation space m.*imum value is -?infinity.*:UserWarning"
 
@@ -40,7 +40,7 @@ def test_registering_twice_changes_nothing():
 
 
 def test_an_environment_of_ones_own_has_an_id_too(monkeypatch):
-    monkeypatch.setattr(registry, "_SPECS", dict(registry._SPECS))
+    monkeypatch.setattr(entries, "_SPECS", dict(entries._SPECS))
     monkeypatch.setattr(gymnasium.envs.registration, "registry", dict(gymnasium.registry))
     jaxsim.envs.register("my_fast", jaxsim.envs.spec("fast").load(), max_episode_steps=3)
     env = gymnasium.make("jaxsim/MyFast-v0")

@@ -7,7 +7,7 @@ import pytest
 from oracle import quick_jit
 
 import jaxsim
-from jaxsim.envs.moment import Moment
+from jaxsim.envs.base.moment import Moment
 from jaxsim.envs.quadruped import Quadruped
 
 STEPS = 60

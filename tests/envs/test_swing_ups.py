@@ -11,7 +11,7 @@ import pytest
 from oracle import quick_jit
 
 from jaxsim.envs import make, start_from
-from jaxsim.envs.measures import distance, near_zero, wrapped
+from jaxsim.envs.base.measures import distance, near_zero, wrapped
 
 
 @pytest.mark.usefixtures("x64")

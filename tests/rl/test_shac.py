@@ -7,8 +7,8 @@ import pytest
 
 from jaxsim import envs
 from jaxsim.rl import config, shac, train
-from jaxsim.rl.collect import Experience
 from jaxsim.rl.config import ConfigError
+from jaxsim.rl.parts.collect import Experience
 from jaxsim.rl.shac import SHAC, horizon_objective
 
 TINY = {

@@ -1,4 +1,4 @@
-"""Pictures: the scene has the poses of the model, and frames come out where OpenGL is there."""
+"""Pictures: what is drawn has the poses of the model, and frames come out where OpenGL is there."""
 
 import os
 import subprocess
@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import jaxsim
-from jaxsim.viz import Frames, scene
+from jaxsim.viz import Frames
 
 FRAME = """
 import jaxsim, numpy as np
@@ -25,30 +25,21 @@ drawing.close()
 """
 
 
-@pytest.mark.parametrize("name", ["humanoid", "arm", "spheres", "four_bar", "box_on_plane"])
-def test_the_scene_has_the_poses_of_the_model(name, bundled):
-    source = bundled(name)
-    drawn = scene(jaxsim.load(source))
-    assert (drawn.nq, drawn.nbody, drawn.ngeom) == (source.nq, source.nbody, source.ngeom)
-    poses = []
-    for model in (source, drawn):
-        data = mujoco.MjData(model)
-        data.qpos[:] = source.qpos0 + 0.3 * np.sin(np.arange(source.nq))
-        mujoco.mj_kinematics(model, data)
-        poses.append((data.xpos, data.geom_xpos, data.geom_xmat))
-    for theirs, ours in zip(*poses, strict=True):
-        np.testing.assert_allclose(ours, theirs, atol=1e-5)
-
-
-def test_positions_of_reference_are_kept():
-    """A hinge with a reference: at qpos = ref the body is where the file puts it."""
-    xml = """<mujoco><compiler angle="radian"/><worldbody><body pos="0 0 1">
-      <joint axis="0 1 0" ref="0.7"/><geom size="0.1" pos="1 0 0"/></body></worldbody></mujoco>"""
-    drawn = scene(jaxsim.load(xml))
-    data = mujoco.MjData(drawn)
-    data.qpos[:] = 0.7
-    mujoco.mj_kinematics(drawn, data)
-    np.testing.assert_allclose(data.geom_xpos[0], [1, 0, 1], atol=1e-6)
+def test_a_model_is_drawn_with_its_looks_and_its_present_sizes(bundled):
+    source = bundled("humanoid")
+    model = jaxsim.load(source)
+    larger = model.replace(geom_size=1.5 * model.geom_size)
+    drawing = Frames(larger)
+    state = jaxsim.make_state(model).replace(
+        qpos=jnp.asarray(source.qpos0 + 0.3 * np.sin(np.arange(source.nq)))
+    )
+    data = mujoco.MjData(source)
+    data.qpos[:] = state.qpos
+    mujoco.mj_kinematics(source, data)
+    np.testing.assert_allclose(drawing.pose(state).geom_xpos, data.geom_xpos, atol=1e-5)
+    drawn = drawing.model
+    np.testing.assert_array_equal(drawn.geom_rgba, source.geom_rgba)
+    np.testing.assert_allclose(drawn.geom_size, 1.5 * source.geom_size, rtol=1e-6)
 
 
 def test_mocap_bodies_move():

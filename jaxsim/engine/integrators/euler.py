@@ -13,7 +13,7 @@ _EULERDAMP = mujoco.mjtDisableBit.mjDSBL_EULERDAMP
 _DAMPER = mujoco.mjtDisableBit.mjDSBL_DAMPER
 
 
-def euler(model: Model, state: State, evaluate: Evaluate) -> Step:
+def integrate(model: Model, state: State, evaluate: Evaluate) -> Step:
     """`(M + h D) qacc = force`; the new velocity moves the positions.
 
     The flags `eulerdamp` and `damper` switch the implicit damping off.

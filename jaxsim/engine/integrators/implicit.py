@@ -9,7 +9,7 @@ from jaxsim.forces.derivatives import bias_derivative, damping_matrix, smooth_da
 from jaxsim.model import Model, State
 
 
-def implicit(model: Model, state: State, evaluate: Evaluate) -> Step:
+def integrate(model: Model, state: State, evaluate: Evaluate) -> Step:
     """`(M + h D) qacc = force` with D of all smooth forces, Coriolis forces included."""
     now = evaluate(state)
     if not model.nv:

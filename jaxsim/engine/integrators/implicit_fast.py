@@ -8,7 +8,7 @@ from jaxsim.forces.free_body import solve_free_bodies
 from jaxsim.model import Model, State
 
 
-def implicit_fast(model: Model, state: State, evaluate: Evaluate) -> Step:
+def integrate(model: Model, state: State, evaluate: Evaluate) -> Step:
     """`(M + h D) qacc = force` with D of passive and actuator forces.
 
     Free bodies that carry nothing have their gyroscopic forces implicit too, as in MuJoCo.

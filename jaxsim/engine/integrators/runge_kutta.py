@@ -16,7 +16,7 @@ from jaxsim.model import Model, State
 _TABLEAU = ((0.0, 1.0), (0.5, 2.0), (0.5, 2.0), (1.0, 1.0))
 
 
-def runge_kutta(model: Model, state: State, evaluate: Evaluate) -> Step:
+def integrate(model: Model, state: State, evaluate: Evaluate) -> Step:
     """Classical Runge-Kutta of fourth order in the Lie group of the configurations.
 
     A rotation during the step is `q exp(theta)`, and what the stages average is the rate of
@@ -31,7 +31,7 @@ def runge_kutta(model: Model, state: State, evaluate: Evaluate) -> Step:
         (rate, slope, act_dot), total, _, _, status = carry
         fraction, weight = fraction_and_weight
         theta = h * fraction * rate
-        # The solver starts from the last stage's acceleration; see `jaxsim.engine.step.whole_step`.
+        # The solver starts from the last stage's acceleration; see `stepping.whole_step`.
         at = state.replace(
             qacc_warmstart=lax.stop_gradient(slope),
             qpos=integrate_pos(model, state.qpos, theta, 1.0),

@@ -10,7 +10,7 @@ from jax.sharding import Mesh
 from jaxtyping import Array, Bool, Float
 
 from jaxsim.batching import vmap
-from jaxsim.envs.base import Env
+from jaxsim.envs.base.env import Env
 from jaxsim.envs.bridges.batch import Batch, reset_where, restart, step_all
 from jaxsim.envs.bridges.constant import Constant, programs_of
 from jaxsim.envs.bridges.spaces import public_info

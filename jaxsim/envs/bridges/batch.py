@@ -19,8 +19,8 @@ from jax import lax
 from jaxtyping import Array, Bool, Float
 
 from jaxsim.batching import vmap
-from jaxsim.envs.base import Env, EnvState
-from jaxsim.envs.diverged import diverged
+from jaxsim.envs.base.diverged import diverged
+from jaxsim.envs.base.env import Env, EnvState
 from jaxsim.parallel.chunks import even_lanes, map_chunks
 
 RESET_LANES = 64  # environments that are reset together

@@ -15,9 +15,9 @@ from flax import struct
 from jaxtyping import Array, Bool, Float
 
 from jaxsim.batching import vmap
-from jaxsim.envs.base import Env, EnvState
+from jaxsim.envs.base.env import Env, EnvState
 from jaxsim.envs.bridges.batch import guarded_step
-from jaxsim.envs.registry import make
+from jaxsim.envs.registry.entries import make
 from jaxsim.model import Model
 
 _COUNTER = "steps"  # what Brax's EpisodeWrapper adds to `info`

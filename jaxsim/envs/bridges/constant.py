@@ -11,7 +11,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from jaxsim.envs.base import Env
+from jaxsim.envs.base.env import Env
 
 KEPT = 64  # programs of each kind
 

@@ -13,8 +13,8 @@ import mujoco
 import numpy as np
 
 from jaxsim.envs import registry
-from jaxsim.envs.base import Env
-from jaxsim.envs.describe import describe
+from jaxsim.envs.base.env import Env
+from jaxsim.envs.registry.describe import describe
 from jaxsim.io import bundled_models, bundled_xml
 
 _BOUNDS = "action_size", "action_low", "action_high", "_action_bound"

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxsim.envs.base import EnvState
+from jaxsim.envs.base.env import EnvState
 from jaxsim.envs.bridges.spaces import public_info
 
 

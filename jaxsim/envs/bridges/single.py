@@ -7,12 +7,12 @@ import gymnasium
 import jax
 import numpy as np
 
-from jaxsim.envs.base import Env, EnvState
+from jaxsim.envs.base.env import Env, EnvState
 from jaxsim.envs.bridges import batch, packing, render, spaces
 from jaxsim.envs.bridges.constant import Constant, programs_of
 from jaxsim.envs.bridges.documented import documented
 from jaxsim.envs.bridges.fork import check_fork
-from jaxsim.envs.registry import make
+from jaxsim.envs.registry.entries import make
 from jaxsim.parallel.devices import compiled
 
 

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxsim.envs.base import Env, EnvState
+from jaxsim.envs.base.env import Env, EnvState
 
 
 def observation_space(env: Env) -> gymnasium.spaces.Box:

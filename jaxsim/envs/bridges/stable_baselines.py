@@ -15,9 +15,9 @@ import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from jaxsim.envs.base import Env
+from jaxsim.envs.base.env import Env
 from jaxsim.envs.bridges.vector import GymnasiumVectorEnv
-from jaxsim.envs.registry import spec
+from jaxsim.envs.registry.entries import spec
 
 
 def vec_env(env: Env | str, num_envs: int = 1, **options: Any):

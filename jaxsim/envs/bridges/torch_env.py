@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxsim.envs.base import Env
+from jaxsim.envs.base.env import Env
 from jaxsim.envs.bridges.autoreset import Outcome
 from jaxsim.envs.bridges.batch import Batch
 from jaxsim.envs.bridges.spaces import public_info

@@ -10,12 +10,12 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from jaxsim.envs.base import Env, EnvState
+from jaxsim.envs.base.env import Env, EnvState
 from jaxsim.envs.bridges import autoreset, batch, render
 from jaxsim.envs.bridges.constant import Constant
 from jaxsim.envs.bridges.fork import check_fork
 from jaxsim.envs.bridges.spaces import action_space, observation_space, public_info, vector_info
-from jaxsim.envs.registry import make
+from jaxsim.envs.registry.entries import make
 from jaxsim.parallel.devices import dividing_mesh
 
 

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from flax import struct
 from jax import lax
 
-from jaxsim.envs.base import EnvState
+from jaxsim.envs.base.env import EnvState
 from jaxsim.envs.wrappers.wrapper import Wrapper
 
 

@@ -6,8 +6,8 @@ import jax
 import jax.numpy as jnp
 from flax import struct
 
-from jaxsim.envs.base import EnvState
-from jaxsim.envs.diverged import diverged
+from jaxsim.envs.base.diverged import diverged
+from jaxsim.envs.base.env import EnvState
 from jaxsim.envs.wrappers.wrapper import Wrapper, extended
 
 

@@ -4,7 +4,7 @@ import jax
 from flax import struct
 from jaxtyping import Array, Float
 
-from jaxsim.envs.base import EnvState
+from jaxsim.envs.base.env import EnvState
 from jaxsim.envs.wrappers.wrapper import Wrapper, extended
 
 

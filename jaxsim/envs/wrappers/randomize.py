@@ -6,7 +6,7 @@ from typing import Any
 import jax
 from flax import struct
 
-from jaxsim.envs.base import Env, EnvState
+from jaxsim.envs.base.env import Env, EnvState
 from jaxsim.envs.randomization import randomize
 from jaxsim.envs.wrappers.wrapper import Wrapper, extended
 

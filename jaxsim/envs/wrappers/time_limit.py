@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 from flax import struct
 
-from jaxsim.envs.base import EnvState
+from jaxsim.envs.base.env import EnvState
 from jaxsim.envs.wrappers.wrapper import Wrapper, extended
 
 

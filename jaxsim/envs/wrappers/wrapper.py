@@ -2,7 +2,7 @@
 
 from flax import struct
 
-from jaxsim.envs.base import Env, EnvState
+from jaxsim.envs.base.env import Env, EnvState
 from jaxsim.model import Model
 
 

@@ -10,7 +10,7 @@ import pytest
 from oracle import quick_jit
 from random_models import random_model, random_states
 
-from jaxsim.engine.step import step
+from jaxsim.engine.stepping import step
 from jaxsim.forces.activation import next_activation
 from jaxsim.io import load
 from jaxsim.joints.coordinates import difference_pos, exponential_rate, integrate_pos

@@ -7,7 +7,7 @@ import optax
 import pytest
 
 from jaxsim.rl.config import ConfigError
-from jaxsim.rl.descent import Adam, blend, check_minibatches, keep_finite, minibatches
+from jaxsim.rl.parts.descent import Adam, blend, check_minibatches, keep_finite, minibatches
 
 PARAMS = {"w": jnp.array([1.0, -2.0]), "b": jnp.array(0.5)}
 

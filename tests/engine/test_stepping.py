@@ -9,7 +9,7 @@ from instants import batch_states, converging, rollout, stepped
 from oracle import assert_close, quick_jit
 
 import jaxsim
-from jaxsim.engine.step import step
+from jaxsim.engine.stepping import step
 from jaxsim.io import bundled_models, load
 from jaxsim.model import make_state
 

@@ -6,8 +6,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from jaxsim.rl import config, directory, metrics, ppo, train
+from jaxsim.rl import config, metrics, ppo, train
 from jaxsim.rl.checkpoint import CheckpointError
+from jaxsim.rl.runs import directory
 
 RUN = {"env": "fast", "algorithm": "ppo", "seed": 0, "settings": config.plain(ppo.Config())}
 

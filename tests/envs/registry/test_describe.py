@@ -3,7 +3,7 @@
 from flax import struct
 
 from jaxsim.envs import Task, static
-from jaxsim.envs.describe import Option, describe
+from jaxsim.envs.registry.describe import Option, describe
 from jaxsim.model import Model
 
 

@@ -10,7 +10,7 @@ import inspect
 import re
 from typing import Any
 
-from jaxsim.envs.base import Env, Task
+from jaxsim.envs.base.env import Env, Task
 
 _LABELS = "Observation|Action|Reward|Episode|Gymnasium|Brax|Differences from"
 _PARAGRAPH = re.compile(rf"^({_LABELS})\b(?: \((\d+),\))?(.*)", re.DOTALL)

@@ -8,7 +8,7 @@ from oracle import quick_jit
 
 import jaxsim
 from jaxsim.engine import Status, forward
-from jaxsim.engine.check import SimulationError
+from jaxsim.engine.checking import SimulationError
 from jaxsim.io import load
 from jaxsim.model import make_state
 

@@ -6,7 +6,7 @@ import pytest
 
 from jaxsim.envs import TimeLimit
 from jaxsim.rl.checkpoint import CheckpointError
-from jaxsim.rl.stored import run_env, stored_settings
+from jaxsim.rl.runs.stored import run_env, stored_settings
 
 RUN = {"env": "fast", "algorithm": "ppo", "seed": 0, "settings": {}}
 

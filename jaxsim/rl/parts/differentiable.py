@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsim.arrays.checkpoint import checkpoint
 from jaxsim.envs import EnvState, TimeLimit, Wrapper, extended
-from jaxsim.rl.collect import Actors
+from jaxsim.rl.parts.collect import Actors
 
 # Any number beyond which a gradient is an accident of the floating point format.
 NO_LIMIT = 1e18

@@ -11,7 +11,7 @@ from jaxsim.constraint import Constrained, constrained_at
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.motion import Motion, motion_of
 from jaxsim.engine.readout import body_wrenches
-from jaxsim.engine.step import contacts, evaluate, forces
+from jaxsim.engine.stepping import contacts, evaluate, forces
 from jaxsim.model import Model, State
 from jaxsim.quantities import body_forces
 

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, Int
 
 from jaxsim.batching import vmap
 from jaxsim.envs import Env
-from jaxsim.envs.diverged import diverged
+from jaxsim.envs.base.diverged import diverged
 
 
 @struct.dataclass

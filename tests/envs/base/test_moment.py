@@ -7,8 +7,8 @@ import pytest
 from oracle import quick_jit
 
 import jaxsim
-from jaxsim.envs.advance import advance
-from jaxsim.envs.moment import Moment
+from jaxsim.envs.base.advance import advance
+from jaxsim.envs.base.moment import Moment
 
 XML = """
 <mujoco>

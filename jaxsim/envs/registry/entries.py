@@ -4,9 +4,9 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any
 
-from jaxsim.envs.base import Env
-from jaxsim.envs.named import module_of, named
-from jaxsim.envs.options import checked_options, near_names
+from jaxsim.envs.base.env import Env
+from jaxsim.envs.registry.named import module_of, named
+from jaxsim.envs.registry.options import checked_options, near_names
 from jaxsim.envs.wrappers import TimeLimit
 
 

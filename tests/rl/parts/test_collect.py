@@ -8,8 +8,8 @@ from jax.sharding import Mesh, PartitionSpec
 
 from jaxsim import envs
 from jaxsim.parallel.devices import device_mesh, parallel
-from jaxsim.rl import collect as module
-from jaxsim.rl.collect import collect, start_actors
+from jaxsim.rl.parts import collect as module
+from jaxsim.rl.parts.collect import collect, start_actors
 
 STEPS, COUNT = 50, 6
 

@@ -9,14 +9,15 @@ import sys
 
 import pytest
 
-REPOSITORY = pathlib.Path(__file__).parents[2]
+REPOSITORY = pathlib.Path(__file__).parents[3]
 
 SCRIPT = """
 import json, sys
 import jax
 devices, processes, index, port, settings = json.loads(sys.argv[1])
 jax.config.update("jax_num_cpu_devices", devices)
-from jaxsim.rl import distributed, train
+from jaxsim.rl.parts import distributed
+from jaxsim.rl import train
 if processes > 1:
     distributed.join(f"localhost:{port}", processes, index)
 assert len(jax.devices()) == devices * processes

@@ -6,7 +6,7 @@ from jaxtyping import Array, Float
 
 from jaxsim.engine.integrators import Step
 from jaxsim.engine.status import Status
-from jaxsim.engine.step import whole_step
+from jaxsim.engine.stepping import whole_step
 from jaxsim.model import Model, State
 
 

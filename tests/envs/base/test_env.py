@@ -9,7 +9,7 @@ from oracle import quick_jit
 
 import jaxsim
 from jaxsim.envs import Task, make, register, static, uniform_start
-from jaxsim.envs.start import load_asset
+from jaxsim.envs.base.start import load_asset
 from jaxsim.model import Model
 
 CHEAP = ("fast", "pendulum", "cartpole", "acrobot")

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
-from jaxsim.envs.base import EnvState
+from jaxsim.envs.base.env import EnvState
 
 # MuJoCo's mjMAXVAL: beyond it a simulation counts as unstable, and float32 cannot square it twice.
 LARGEST = 1e10

@@ -29,8 +29,8 @@ from flax import struct
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from jaxsim.arrays.precision import full_precision
-from jaxsim.envs.advance import advance
-from jaxsim.envs.moment import Moment
+from jaxsim.envs.base.advance import advance
+from jaxsim.envs.base.moment import Moment
 from jaxsim.model import Model, State
 
 

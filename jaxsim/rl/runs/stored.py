@@ -14,10 +14,10 @@ from jaxsim import envs
 from jaxsim.rl import config
 from jaxsim.rl.algorithm import Algorithm
 from jaxsim.rl.checkpoint import Checkpoints
-from jaxsim.rl.directory import read_run
 from jaxsim.rl.errors import CheckpointError, ConfigError
 from jaxsim.rl.lookup import algorithm_class, algorithm_name, make_env
 from jaxsim.rl.networks import Policy
+from jaxsim.rl.runs.directory import read_run
 
 
 def load_policy(

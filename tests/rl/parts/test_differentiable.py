@@ -7,8 +7,8 @@ import pytest
 
 import jaxsim
 from jaxsim import envs
-from jaxsim.rl.collect import start_actors
-from jaxsim.rl.differentiable import (
+from jaxsim.rl.parts.collect import start_actors
+from jaxsim.rl.parts.differentiable import (
     Differentiable,
     cut_episodes,
     discounts,

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsim.rl.gae import advantages
+from jaxsim.rl.parts.gae import advantages
 
 REWARD = jnp.array([1.0, 2.0, 3.0])
 VALUE = jnp.array([0.5, 1.0, 1.5])
