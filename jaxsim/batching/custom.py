@@ -1,7 +1,7 @@
 """Functions with a derivative of their own keep it.
 
-The batched call is wrapped anew in `jax.custom_jvp` or `jax.custom_vjp`, whose rules are the
-derivatives that `jax.jvp` and `jax.vjp` find for the original call, evaluated for all lanes.
+The batched call gets a rule anew, by `with_jvp_rule` or `jax.custom_vjp`: the derivative that
+`jax.jvp` or `jax.vjp` finds for the original call, evaluated for all lanes.
 So nothing needs to be known about how the original rule is stored.
 """
 
@@ -11,11 +11,10 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from flax import struct
-from jax.custom_derivatives import SymbolicZero
 
 from jaxsim.batching import params
+from jaxsim.batching.jvp_rule import with_jvp_rule
 
 
 def custom_call(lanes, eqn, values, flags):
@@ -48,10 +47,9 @@ def linear_solve(lanes, eqn, values, flags):
 def with_jvp(lanes, eqn, flags, batched: Callable) -> Callable:
     """`batched`, whose forward derivative is that of the equation."""
     one_lane = params.rebind(eqn)
-    call = jax.custom_jvp(batched)
 
     def rule(primals, tangents):
-        moving = [not isinstance(t, SymbolicZero) for t in tangents]
+        moving = [t is not None for t in tangents]
 
         def derivative(*values):
             xs, ts = values[: len(flags)], list(values[len(flags) :])
@@ -62,10 +60,9 @@ def with_jvp(lanes, eqn, flags, batched: Callable) -> Callable:
         values = [*primals, *_where(moving, tangents)]
         results = lanes.apply(derivative, values, [*flags, *_where(moving, flags)])
         out, dots = results[: len(eqn.outvars)], iter(results[len(eqn.outvars) :])
-        return out, [next(dots) if _is_smooth(o) else _no_tangent(o) for o in out]
+        return out, [next(dots) if _is_smooth(o) else None for o in out]
 
-    call.defjvp(rule, symbolic_zeros=True)
-    return call
+    return with_jvp_rule(batched, rule)
 
 
 def with_vjp(lanes, eqn, flags, batched: Callable) -> Callable:
@@ -132,10 +129,6 @@ def _where(mask, items) -> list:
 def _is_smooth(x) -> bool:
     """Has tangents other than zero; also false for the float0 cotangent of an integer."""
     return jnp.issubdtype(x.dtype, jnp.inexact)
-
-
-def _no_tangent(x):
-    return np.zeros(x.shape, jax.dtypes.float0)
 
 
 RULES = {

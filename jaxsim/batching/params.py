@@ -154,6 +154,7 @@ _READERS: dict[str, Callable[[dict], Any]] = {
     "checkpoint": _remat,
     "custom_linear_solve": _linear_solve,
     "custom_jvp_call": lambda p: Custom(program(p["call_jaxpr"]), "jvp"),
+    "jvp_rule": lambda p: Custom(program(p["program"]), "jvp"),
     "custom_vjp_call": lambda p: Custom(program(p["call_jaxpr"]), "vjp"),
 }
 

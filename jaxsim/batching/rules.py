@@ -10,7 +10,6 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
@@ -20,6 +19,7 @@ from jaxsim.batching import contract, index, lapack, linalg, params, trigonometr
 from jaxsim.batching.anywhere import anywhere
 from jaxsim.batching.custom import with_jvp
 from jaxsim.batching.fusion import computed, own_kernel
+from jaxsim.batching.jvp_rule import with_jvp_rule
 from jaxsim.batching.pieces import Pieces
 from jaxsim.batching.transposed import Transposed
 
@@ -104,16 +104,14 @@ def _combined(operator, x, axes: tuple[int, ...]):
     return own_kernel(_written_out, x, axes=axes, operator=operator)
 
 
-@functools.partial(jax.custom_jvp, nondiff_argnums=(1,))
 def _sum(x, axes: tuple[int, ...]):
     """The same for sums, with a derivative."""
-    return _combined(lax.add, x, axes)
 
+    def rule(primals, tangents):
+        # The plain reduction: its transpose is a broadcast, that of slices would be many pads.
+        return [_sum(primals[0], axes)], [jnp.sum(tangents[0], axes)]
 
-@_sum.defjvp
-def _sum_jvp(axes, primals, tangents):
-    # The plain reduction: its transpose is a broadcast, that of slices would be many pads.
-    return _sum(*primals, axes), jnp.sum(tangents[0], axes)
+    return with_jvp_rule(lambda x: [_combined(lax.add, x, axes)], rule)(x)[0]
 
 
 def _written_out(x, *, axes: tuple[int, ...], operator):

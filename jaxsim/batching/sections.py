@@ -42,7 +42,7 @@ KNOWN = frozenset(
     reduce_max reduce_min reduce_or reduce_sum rem reshape reshard rev round rsqrt select_n
     shift_left shift_right_arithmetic shift_right_logical sign sin sinh slice split sqrt square
     squeeze stack stop_gradient sub tan tanh transpose unstack xor
-    closed_call cond custom_jvp_call custom_vjp_call jit own_kernel pjit scan while
+    closed_call cond custom_jvp_call custom_vjp_call jit own_kernel jvp_rule pjit scan while
     """.split()
 )
 PLAIN = "bool", "int8", "uint8", "int32", "uint32", "int64", "uint64", "float32", "float64"

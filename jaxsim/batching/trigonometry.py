@@ -5,12 +5,14 @@ polynomial takes 1 (one core with AVX-512), or an eighth of the humanoid's step.
 """
 
 import functools
+from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
 from jax import lax
 
 from jaxsim.arrays.series import horner
+from jaxsim.batching.jvp_rule import with_jvp_rule
 
 # pi/2 in three parts (Cody and Waite, "Software Manual for the Elementary Functions", 1980): the
 # first two have eight bits each, so that their products with whole numbers below 2^16 are exact.
@@ -21,23 +23,29 @@ _SINE = -0.16666655, 0.008332178, -0.00019517235
 _COSINE = 0.041666646, -0.0013887367, 2.443838e-05
 
 
-@jax.custom_jvp
 def sin(x: jax.Array) -> jax.Array:
     """Sine of float32 numbers, with an error of at most 1e-7 for |x| < 1e5.
 
     Larger arguments are off by up to their own rounding. Not finite ones give NaN.
     """
-    return lax.platform_dependent(x, cpu=functools.partial(_wave, 0), default=lax.sin)
+    return _wave_with_slope(0, lax.sin, lambda x, t: t * cos(x))(x)[0]
 
 
-@jax.custom_jvp
 def cos(x: jax.Array) -> jax.Array:
     """Cosine of float32 numbers, as accurate as `sin`."""
-    return lax.platform_dependent(x, cpu=functools.partial(_wave, 1), default=lax.cos)
+    return _wave_with_slope(1, lax.cos, lambda x, t: -t * sin(x))(x)[0]
 
 
-sin.defjvps(lambda t, _, x: t * cos(x))
-cos.defjvps(lambda t, _, x: -t * sin(x))
+def _wave_with_slope(shift: int, library: Callable, slope: Callable) -> Callable:
+    """The wave on a CPU and the library's elsewhere, with a derivative along a tangent."""
+
+    def f(x):
+        return [lax.platform_dependent(x, cpu=functools.partial(_wave, shift), default=library)]
+
+    def rule(primals, tangents):
+        return with_jvp_rule(f, rule)(*primals), [slope(*primals, *tangents)]
+
+    return with_jvp_rule(f, rule)
 
 
 def _wave(shift: int, x: jax.Array) -> jax.Array:

@@ -9,6 +9,8 @@ whatever loop found x. The derivative is one further linear solve, taken only wh
 differentiates, and is exact as far as the loop converged: look at `SolverStatus.residual`.
 """
 
+from collections.abc import Sequence
+
 import jax
 from jax import lax
 from jax.ad_checkpoint import checkpoint_name
@@ -16,9 +18,13 @@ from jaxtyping import Array, Float
 
 from jaxsim.arrays.checkpoint import SOLUTION
 from jaxsim.arrays.precision import full_precision
+from jaxsim.batching.jvp_rule import with_jvp_rule
 from jaxsim.solver.conjugate_gradients import hessian_product
 from jaxsim.solver.operator import Lifted, Operator, Rows
 from jaxsim.solver.problem import Problem
+
+Theta = tuple[Problem, Operator, Float[Array, "nv"]]
+"""What the minimiser depends on: blocks of rows, operator, force."""
 
 
 def attach(
@@ -51,25 +57,41 @@ def attach_lifted(
     return _attached(jax.lax.stop_gradient(y), (problem, operator, force))
 
 
-@jax.custom_jvp
-def _attached(y, theta):
-    del theta
-    return y
+def _attached(y: Lifted, theta: Theta) -> Lifted:
+    """The point, which moves with theta."""
+    leaves, structure = jax.tree.flatten((y, theta))
+    count = len(jax.tree.leaves(y))
+
+    @full_precision
+    def rule(primals, tangents):
+        found, theta = structure.unflatten(primals)
+        # The point is again a function of theta, which makes the rule itself differentiable.
+        y = _attached(found, theta)
+        return jax.tree.leaves(y), jax.tree.leaves(_tangent(y, theta, tangents[count:]))
+
+    same = with_jvp_rule(lambda *xs: xs[:count], rule)(*leaves)
+    return jax.tree.unflatten(jax.tree.structure(y), same)
 
 
-@_attached.defjvp
-@full_precision
-def _attached_jvp(primals, tangents):
-    found, theta = primals
+def _tangent(y: Lifted, theta: Theta, tangents: Sequence[Array | None]) -> Lifted:
+    """How the minimiser moves with the leaves of theta that have tangents."""
     problem, operator, _ = theta
-    # The point is again a function of theta, which makes the rule itself differentiable.
-    y = _attached(found, theta)
+    leaves, structure = jax.tree.flatten(theta)
+    moving = [t is not None for t in tangents]
+    moved, given = ([x for x, m in zip(xs, moving, strict=True) if m] for xs in (leaves, tangents))
+
+    def where(*some) -> Theta:
+        rest = iter(some)
+        return structure.unflatten(
+            [next(rest) if m else x for x, m in zip(leaves, moving, strict=True)]
+        )
+
     x = operator.vector(y)
-    _, dr = jax.jvp(lambda t: _residual(x, t), (theta,), (tangents[1],))
+    _, dr = jax.jvp(lambda *some: _residual(x, where(*some)), moved, given)
     dx = _solve(operator, problem.curvatures(operator.rows(y)), dr)
     # Lifting depends on theta too.
-    _, dy = jax.jvp(lambda op, x: op.lift(x), (operator, x), (tangents[1][1], dx))
-    return y, dy
+    lift = lambda x, *some: where(*some)[1].lift(x)  # noqa: E731
+    return jax.jvp(lift, [x, *moved], [dx, *given])[1]
 
 
 def _solve(operator: Operator, curvatures: Rows, r: Float[Array, "nv"]) -> Float[Array, "nv"]:
@@ -82,7 +104,7 @@ def _solve(operator: Operator, curvatures: Rows, r: Float[Array, "nv"]) -> Float
     )
 
 
-def _residual(x, theta):
+def _residual(x: Float[Array, "nv"], theta: Theta) -> Float[Array, "nv"]:
     problem, operator, force = theta
     y = operator.lift(x)
     return force + operator.residual(y, problem.forces(operator.rows(y)))

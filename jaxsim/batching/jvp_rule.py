@@ -1,0 +1,98 @@
+"""Functions with a forward derivative of their own, which they keep inside loops.
+
+`jax.custom_jvp` gives a function such a rule, but JAX drops it when it splits the body of a
+`lax.scan` into what is known before the backward pass and what is not, as every reverse mode does:
+the known part then holds the equations of the function's body, and a second derivative is that of
+the body. A primitive is split as a whole and takes its rule along.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jax.extend import core as jex
+from jax.interpreters import ad, batching, mlir
+
+from jaxsim.batching import params
+
+Rule = Callable[[Sequence, Sequence], tuple[Sequence, Sequence]]
+"""From operands and their tangents to results and theirs; a tangent that is zero is None."""
+
+
+def with_jvp_rule(f: Callable, rule: Rule) -> Callable:
+    """The function `f` of arrays, which returns a list of arrays, with another forward derivative.
+
+    Where it is applied to tangents, its transpose is that of `f`. It costs nothing at run time.
+
+    Args:
+      f: the function. It closes over no traced values.
+      rule: its derivative. For a second derivative the rule is differentiated, so what it needs of
+        the function's results it computes by a call of the function returned here.
+    """
+
+    def call(*xs):
+        program = jax.make_jaxpr(f)(*[params.element(x, None) for x in xs])
+        return jvp_rule_p.bind(*xs, program=program, rule=rule)
+
+    return call
+
+
+def _evaluate(*xs, program, rule):
+    del rule
+    return jex.jaxpr_as_fun(program)(*xs)
+
+
+def _types(*kinds, program, rule):
+    del rule
+    return [params.varying_like(kind, *kinds) for kind in program.out_avals]
+
+
+def _jvp(primals, tangents, *, program, rule):
+    del program
+    given = [None if type(t) is ad.Zero else t for t in tangents]
+    results, dots = rule(primals, given)
+    zeros = [ad.Zero(jax.typeof(x).to_tangent_aval()) for x in results]
+    return results, [z if d is None else d for z, d in zip(zeros, dots, strict=True)]
+
+
+def _transpose(cotangents, *xs, program, rule):
+    del rule
+    linear = [ad.is_undefined_primal(x) for x in xs]
+
+    def f(*some):
+        rest = iter(some)
+        operands = [next(rest) if on else x for x, on in zip(xs, linear, strict=True)]
+        return jex.jaxpr_as_fun(program)(*operands)
+
+    kinds = [x.aval for x, on in zip(xs, linear, strict=True) if on]
+    results = zip(cotangents, program.out_avals, strict=True)
+    given = [jnp.zeros(a.shape, a.dtype) if type(c) is ad.Zero else c for c, a in results]
+    found = iter(jax.linear_transpose(f, *kinds)(given))
+    return [next(found) if on else None for on in linear]
+
+
+def _batch(values, axes, *, program, rule):
+    """`jax.vmap` of the function and of its rule, batch first."""
+    size = next(x.shape[a] for x, a in zip(values, axes, strict=True) if a is not None)
+
+    def every(f: Callable, axes: Any):
+        return jax.vmap(f, axes, axis_size=size)
+
+    def batched_rule(primals, tangents):
+        moving = [axis if t is not None else None for t, axis in zip(tangents, axes, strict=True)]
+        return every(rule, (list(axes), moving))(list(primals), list(tangents))
+
+    f = every(jex.jaxpr_as_fun(program), axes)
+    results = with_jvp_rule(f, batched_rule)(*values)
+    return results, [0] * len(results)
+
+
+jvp_rule_p = jex.Primitive("jvp_rule")
+jvp_rule_p.multiple_results = True
+jvp_rule_p.def_impl(_evaluate)
+jvp_rule_p.def_abstract_eval(_types)
+ad.primitive_jvps[jvp_rule_p] = _jvp
+ad.primitive_transposes[jvp_rule_p] = _transpose
+batching.primitive_batchers[jvp_rule_p] = _batch
+mlir.register_lowering(jvp_rule_p, mlir.lower_fun(_evaluate, multiple_results=True))
