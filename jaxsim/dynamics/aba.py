@@ -17,6 +17,7 @@ from jaxsim.dynamics.tree import inward, outward
 from jaxsim.dynamics.velocity import velocities
 from jaxsim.model import Model
 from jaxsim.model.dof_order import from_tree_order, to_tree_order
+from jaxsim.model.inputs import admit_array, admit_model
 from jaxsim.model.topology import Forest
 
 
@@ -34,7 +35,14 @@ def forward_dynamics(
 
     Returns:
       Accelerations without constraints; `inverse_dynamics` inverts this.
+
+    Raises:
+      TypeError: an argument, or the numbers in an array, are of the wrong type.
+      ValueError: an array has the wrong shape.
     """
+    model, qpos = admit_model(model), admit_array(model, qpos, (model.nq,), "qpos")
+    qvel = admit_array(model, qvel, (model.nv,), "qvel")
+    tau = admit_array(model, tau, (model.nv,), "tau")
     kin = kinematics(model, qpos)
     return solve_mass(model, kin, tau - qfrc_bias(model, kin, velocities(model, kin, qvel)))
 

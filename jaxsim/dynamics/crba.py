@@ -15,6 +15,7 @@ from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.dynamics.tree import inward
 from jaxsim.model import Model
 from jaxsim.model.dof_order import from_tree_order, to_tree_order
+from jaxsim.model.inputs import admit_array, admit_model
 from jaxsim.model.topology import Forest
 
 
@@ -25,7 +26,12 @@ def mass_matrix(model: Model, qpos: Float[Array, "nq"]) -> Float[Array, "nv nv"]
     Args:
       model: the model.
       qpos: coordinates.
+
+    Raises:
+      TypeError: an argument, or the numbers in an array, are of the wrong type.
+      ValueError: an array has the wrong shape.
     """
+    model, qpos = admit_model(model), admit_array(model, qpos, (model.nq,), "qpos")
     return composite_mass_matrix(model, kinematics(model, qpos))
 
 

@@ -18,6 +18,7 @@ from jaxsim.dynamics.tree import accumulate_inward, accumulate_outward
 from jaxsim.dynamics.velocity import Velocities, velocities
 from jaxsim.model import Model
 from jaxsim.model.dof_order import from_tree_order, to_tree_order
+from jaxsim.model.inputs import admit_array, admit_model
 from jaxsim.model.topology import Forest
 from jaxsim.spatial import Inertia, cross_force, wrench_from
 
@@ -38,7 +39,14 @@ def inverse_dynamics(
 
     Returns:
       Forces in N or N m; `forward_dynamics` inverts this.
+
+    Raises:
+      TypeError: an argument, or the numbers in an array, are of the wrong type.
+      ValueError: an array has the wrong shape.
     """
+    model, qpos = admit_model(model), admit_array(model, qpos, (model.nq,), "qpos")
+    qvel = admit_array(model, qvel, (model.nv,), "qvel")
+    qacc = admit_array(model, qacc, (model.nv,), "qacc")
     kin = kinematics(model, qpos)
     vel = velocities(model, kin, qvel)
     force = link_forces(model, kin, vel, link_accelerations(model, kin, vel, qacc))

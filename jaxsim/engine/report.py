@@ -11,11 +11,11 @@ from jaxsim.dynamics.crba import composite_mass_matrix
 from jaxsim.dynamics.motion import motion_of
 from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.dynamics.rnea import generalized_force, link_accelerations, link_forces
-from jaxsim.engine.inputs import check_shapes
 from jaxsim.engine.readout import read_sensors
 from jaxsim.engine.status import Status
 from jaxsim.engine.stepping import contacts, evaluate, forces
 from jaxsim.model import Model, State
+from jaxsim.model.inputs import admit, admit_array
 from jaxsim.quantities.energy import kinetic_energy, potential_energy
 
 
@@ -87,9 +87,10 @@ def forward(model: Model, state: State, ctrl: Float[Array, "nu"] | None = None) 
       ctrl: controls; None means zeros.
 
     Raises:
+      TypeError: an argument, or the numbers in an array, are of the wrong type.
       ValueError: an array has the wrong shape.
     """
-    check_shapes(model, state, ctrl)
+    model, state, ctrl = admit(model, state, ctrl)
     now = evaluate(model, state, ctrl)
     kin, found = now.motion.kin, now.constrained
     energy = jnp.stack(
@@ -141,8 +142,13 @@ def inverse(model: Model, state: State, qacc: Float[Array, "nv"]) -> Float[Array
       model: the model.
       state: the state.
       qacc: acceleration.
+
+    Raises:
+      TypeError: an argument, or the numbers in an array, are of the wrong type.
+      ValueError: an array has the wrong shape.
     """
-    check_shapes(model, state, None)
+    model, state, _ = admit(model, state)
+    qacc = admit_array(model, qacc, (model.nv,), "qacc")
     motion = motion_of(model, state)
     kin, vel = motion.kin, motion.vel
     passive, _ = forces(motion, state, None)

@@ -21,13 +21,13 @@ from jaxsim.dynamics.rnea import (
     link_forces,
     wrench_on_links,
 )
-from jaxsim.engine.inputs import check_shapes
 from jaxsim.engine.instant import Instant
 from jaxsim.engine.integrators import INTEGRATORS, Step
 from jaxsim.engine.status import Status
 from jaxsim.forces.actuation import Actuation, actuation
 from jaxsim.forces.passive import PassiveForces, passive_forces
 from jaxsim.model import Model, State
+from jaxsim.model.inputs import admit, admit_array
 
 
 @full_precision
@@ -43,6 +43,7 @@ def step(model: Model, state: State, ctrl: Float[Array, "nu"] | None = None) -> 
       The next state. It is NaN where something in the step was not finite.
 
     Raises:
+      TypeError: an argument, or the numbers in an array, are of the wrong type.
       ValueError: an array has the wrong shape.
     """
     return whole_step(model, state, ctrl).after
@@ -62,6 +63,7 @@ def step_with_status(
       ctrl: controls; None means zeros.
 
     Raises:
+      TypeError: an argument, or the numbers in an array, are of the wrong type.
       ValueError: an array has the wrong shape.
     """
     found = whole_step(model, state, ctrl)
@@ -71,7 +73,7 @@ def step_with_status(
 @full_precision
 def whole_step(model: Model, state: State, ctrl: Float[Array, "nu"] | None = None) -> Step:
     """`step` with its status, and where forces were evaluated last."""
-    check_shapes(model, state, ctrl)
+    model, state, ctrl = admit(model, state, ctrl)
     integrate = INTEGRATORS[model.opt.integrator]
     found = integrate(model, state, lambda state: evaluate(model, state, ctrl))
     after = found.after
@@ -137,11 +139,11 @@ def rollout(
       also that of all steps together.
 
     Raises:
+      TypeError: an argument, or the numbers in an array, are of the wrong type.
       ValueError: an array has the wrong shape.
     """
-    if jnp.ndim(ctrls) != 2 or ctrls.shape[1] != model.nu:
-        raise ValueError(f"ctrls must have shape (steps, {model.nu}), got {jnp.shape(ctrls)}")
-
+    model, state, _ = admit(model, state)
+    ctrls = admit_array(model, ctrls, (None, model.nu), "ctrls")
     # The model is closed over: what is known about it while tracing stays known.
     advance = checkpoint(lambda state, ctrl: step_with_status(model, state, ctrl))
     final, states, total = scan_steps(advance, lambda state: state, status, state, ctrls)

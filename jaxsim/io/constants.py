@@ -17,6 +17,7 @@ from jaxsim.dynamics.transmission import actuator_moment, transmission
 from jaxsim.dynamics.tree import accumulate_inward
 from jaxsim.joints import JOINTS
 from jaxsim.model import Model
+from jaxsim.model.inputs import admit_model
 from jaxsim.spatial import Pose
 
 _CONNECT = int(mujoco.mjtEq.mjEQ_CONNECT)
@@ -39,7 +40,12 @@ def set_const(model: Model) -> Model:
 
     Returns:
       The model with consistent constants.
+
+    Raises:
+      TypeError: an argument, or the numbers in an array, are of the wrong type.
+      ValueError: an array has the wrong shape.
     """
+    model = admit_model(model)
     kin = kinematics(model, model.qpos0)
     mass = composite_mass_matrix(model, kin)
     inverse = jax.vmap(lambda force: solve_mass(model, kin, force))

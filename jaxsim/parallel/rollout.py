@@ -17,6 +17,7 @@ from jaxsim.engine.status import Status
 from jaxsim.engine.stepping import scan_steps, step_with_status
 from jaxsim.model import Model, State
 from jaxsim.model.facts import Constants
+from jaxsim.model.inputs import admit, admit_array
 from jaxsim.parallel.chunks import VECTOR, chunk_lanes, map_chunks
 from jaxsim.parallel.devices import EVERYWHERE, SPLIT, device_mesh, everywhere, parallel, split
 
@@ -48,9 +49,11 @@ def batch_rollout(
       also that of each environment.
 
     Raises:
+      TypeError: an argument, or the numbers in an array, are of the wrong type.
       ValueError: shapes do not fit together.
     """
-    _check(model, states, ctrls)
+    ctrls = admit_array(model, ctrls, (None, None, model.nu), "ctrls")
+    model, states, _ = admit(model, states, batch=ctrls.shape[:1])
     alone = functools.partial(_part_of_a_program, model, states, ctrls, observe, status)
     if is_traced((model, states, ctrls)):
         return _asked_for(alone(), observe, status)
@@ -123,15 +126,3 @@ def _pad(x, rows: int):
     if rows == 0:
         return x
     return jnp.concatenate([x, jnp.broadcast_to(x[-1:], (rows, *x.shape[1:]))])
-
-
-def _check(model: Model, states: State, ctrls) -> None:
-    if jnp.ndim(ctrls) != 3 or ctrls.shape[2] != model.nu:
-        raise ValueError(
-            f"ctrls must have shape (batch, steps, {model.nu}), got {jnp.shape(ctrls)}"
-        )
-    if jnp.ndim(states.qpos) != 2 or states.qpos.shape[0] != ctrls.shape[0]:
-        raise ValueError(
-            f"states.qpos must have shape ({ctrls.shape[0]}, {model.nq}) like the controls' batch, "
-            f"got {jnp.shape(states.qpos)}"
-        )

@@ -1,0 +1,177 @@
+"""Arguments, judged once where they come in.
+
+Shapes and types are known while a function is traced. A mistake is then an error that says what was
+expected, and a compiled program does not check anything.
+"""
+
+import dataclasses
+import functools
+import math
+import typing
+from typing import Any, TypeVar
+
+import jax
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+
+from jaxsim.model.facts import fact
+from jaxsim.model.model import Model, Option, Statistic
+from jaxsim.model.state import State
+
+Shape = tuple[int | None, ...]
+Record = TypeVar("Record")
+
+
+def admit(
+    model: Model, state: State, ctrl: Any = None, batch: Shape = ()
+) -> tuple[Model, State, jax.Array | None]:
+    """A model, a state and controls with the shapes and the type that the physics expects.
+
+    Numbers of Python and NumPy become arrays of the model's type, and so do controls of another
+    precision.
+
+    Args:
+      model: the model.
+      state: the state.
+      ctrl: the controls, or None.
+      batch: leading axes of the state's arrays and of the controls.
+
+    Returns:
+      All three; the same objects where there is nothing to convert.
+
+    Raises:
+      TypeError: one of them is something else, or has numbers of another type.
+      ValueError: an array has another shape, or the timestep is not positive.
+    """
+    if isinstance(model, State) and isinstance(state, Model):
+        raise TypeError("the model comes first, then the state; got them the other way round")
+    model = admit_model(model)
+    if not isinstance(state, State):
+        raise TypeError(f"expected a jaxsim.State, got {type(state).__name__}; see make_state")
+    shapes = {name: batch + shape for name, shape in _shapes(model)["state"].items()}
+    state = _admitted(state, shapes, _number_type(model), "states" if batch else "state")
+    if ctrl is not None:
+        ctrl = admit_array(model, ctrl, (*batch, model.nu), "ctrl")
+    return model, state, ctrl
+
+
+def admit_model(model: Model) -> Model:
+    """The first third of `admit`."""
+    if not isinstance(model, Model):
+        raise TypeError(f"expected a jaxsim.Model, got {type(model).__name__}; see jaxsim.load")
+    shapes, kind = _shapes(model), _number_type(model)
+    opt = _admitted(model.opt, shapes["opt"], kind, "model.opt")
+    stat = _admitted(model.stat, shapes["stat"], kind, "model.stat")
+    if not isinstance(opt.timestep, jax.core.Tracer) and not np.asarray(opt.timestep) > 0:
+        raise ValueError(f"model.opt.timestep must be positive, got {np.asarray(opt.timestep)}")
+    model = _admitted(model, shapes["model"], kind, "model")
+    if opt is not model.opt or stat is not model.stat:
+        model = dataclasses.replace(model, opt=opt, stat=stat)
+    return model
+
+
+def admit_array(model: Model, value: Any, shape: Shape, name: str) -> jax.Array:
+    """An array of the model's type; numbers of another precision are converted.
+
+    Args:
+      model: the model.
+      value: the array.
+      shape: its shape; None stands for any length.
+      name: what a message calls it.
+
+    Raises:
+      TypeError: it is no array of floating-point numbers.
+      ValueError: it has another shape.
+    """
+    array, kind = _array(value, shape, name), _number_type(model)
+    if array.dtype == kind and isinstance(array, jax.Array):
+        return array
+    if not jnp.issubdtype(array.dtype, jnp.floating):
+        raise TypeError(f"{name} must be of type {kind}, got {array.dtype}")
+    return jnp.asarray(array, kind)
+
+
+def _number_type(model: Model) -> np.dtype:
+    """The type of a model's numbers."""
+    kind = np.dtype(jnp.result_type(model.body_pos))
+    if not jnp.issubdtype(kind, jnp.floating):
+        raise TypeError(f"model.body_pos must be of a floating-point type, got {kind}")
+    if kind == np.float64 and jnp.result_type(float) != kind:
+        raise TypeError(
+            "the model's numbers are float64, which JAX has switched off since it was loaded; "
+            "switch jax_enable_x64 on, or load the model again"
+        )
+    return kind
+
+
+def _admitted(record: Record, shapes: dict[str, Shape], kind: np.dtype, name: str) -> Record:
+    """A record whose fields have these shapes and this type."""
+    changes = {}
+    for field, shape in shapes.items():
+        value = getattr(record, field)
+        right = isinstance(value, jax.Array) and value.dtype == kind and value.shape == shape
+        if not right or value.weak_type:
+            changes[field] = _converted(value, shape, kind, f"{name}.{field}")
+    return dataclasses.replace(record, **changes) if changes else record  # type: ignore[type-var]
+
+
+def _converted(value: Any, shape: Shape, kind: np.dtype, name: str) -> jax.Array:
+    """Numbers of Python or NumPy as an array; an array of JAX must have the type already."""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        value = np.asarray(value, kind)
+    array = _array(value, shape, name)
+    free = not isinstance(array, jax.Array) or array.weak_type
+    if not jnp.issubdtype(array.dtype, jnp.floating) or (array.dtype != kind and not free):
+        raise TypeError(
+            f"{name} must be of type {kind}, as the model's numbers are, got {array.dtype}; load "
+            "the model after switching to another precision, or convert the array"
+        )
+    if isinstance(array, jax.core.Tracer):
+        return jax.lax.convert_element_type(array, kind)
+    with jax.ensure_compile_time_eval():  # known numbers stay known within a traced function
+        return jnp.asarray(array, kind)
+
+
+def _array(value: Any, shape: Shape, name: str) -> jax.Array | np.ndarray:
+    """The same value if it is an array of this shape."""
+    if not isinstance(value, jax.Array | np.ndarray | np.generic):
+        raise TypeError(f"{name} must be an array, got {type(value).__name__}")
+    fits = len(value.shape) == len(shape)
+    if not fits or any(n not in (None, m) for n, m in zip(shape, value.shape, strict=True)):
+        expected = ", ".join("any" if n is None else str(n) for n in shape)
+        comma = "," if len(shape) == 1 else ""
+        raise ValueError(
+            f"{name} must have shape ({expected}{comma}), got {value.shape}; batches go through "
+            "jax.vmap or jaxsim.vmap"
+        )
+    return value  # type: ignore[return-value]
+
+
+@fact()
+def _shapes(model: Model) -> dict[str, dict[str, Shape]]:
+    """Shapes of the arrays of each record, from their annotations and the model's sizes."""
+    records = {"model": Model, "opt": Option, "stat": Statistic, "state": State}
+    return {
+        name: {
+            field: tuple(_length(model, axis) for axis in axes.split())
+            for field, axes in _annotated(record)
+        }
+        for name, record in records.items()
+    }
+
+
+@functools.cache
+def _annotated(record: type) -> tuple[tuple[str, str], ...]:
+    """Fields that are arrays, and their axes."""
+    hints = typing.get_type_hints(record)
+    return tuple((name, h.dim_str) for name, h in hints.items() if hasattr(h, "dim_str"))
+
+
+def _length(model: Model, axis: str) -> int:
+    """Length of an axis: a number, a size of the model, or a product of these."""
+    sizes = {"npoly": int(mujoco.mjNPOLY)}
+    return math.prod(
+        int(factor) if factor.isdigit() else sizes.get(factor) or getattr(model, factor)
+        for factor in axis.split("*")
+    )
