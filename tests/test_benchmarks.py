@@ -163,3 +163,22 @@ def test_environments_are_stepped(way, monkeypatch):
     import environments
 
     getattr(environments, way)("inverted_pendulum", 4, 2)()
+
+
+def test_coverage_counts_what_loads_and_why_not(tmp_path):
+    """A model, one with what is not supported, one that MuJoCo refuses, one without joints."""
+    body = '<body><freejoint/><geom size=".1"/></body>'
+    files = {
+        "good": f"<mujoco><worldbody>{body}</worldbody></mujoco>",
+        "plugin": f'<mujoco><option noslip_iterations="3"/><worldbody>{body}</worldbody></mujoco>',
+        "broken": "<mujoco><worldbody>",
+        "still": "<mujoco/>",
+    }
+    for name, xml in files.items():
+        (tmp_path / f"{name}.xml").write_text(xml)
+    run("coverage.py", tmp_path, "--out", tmp_path)
+    found = json.loads((tmp_path / "coverage.json").read_text())
+    assert found["summary"]["models"] == 2
+    assert found["summary"]["load"] == 1
+    assert [(r["files"], r["alone"]) for r in found["reasons"]] == [(1, 1)]
+    assert "noslip" in found["reasons"][0]["reason"]
