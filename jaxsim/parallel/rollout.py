@@ -17,7 +17,7 @@ from jaxsim.engine.status import Status
 from jaxsim.engine.stepping import scan_steps, step_with_status
 from jaxsim.model import Model, State
 from jaxsim.model.facts import Constants
-from jaxsim.model.inputs import admit, admit_array
+from jaxsim.model.inputs import admit, admit_array, admit_model
 from jaxsim.parallel.chunks import VECTOR, chunk_lanes, map_chunks
 from jaxsim.parallel.devices import EVERYWHERE, SPLIT, device_mesh, everywhere, parallel, split
 
@@ -52,6 +52,7 @@ def batch_rollout(
       TypeError: an argument, or the numbers in an array, are of the wrong type.
       ValueError: shapes do not fit together.
     """
+    model = admit_model(model)
     ctrls = admit_array(model, ctrls, (None, None, model.nu), "ctrls")
     model, states, _ = admit(model, states, batch=ctrls.shape[:1])
     alone = functools.partial(_part_of_a_program, model, states, ctrls, observe, status)

@@ -140,8 +140,8 @@ class _Run:
         self.mesh = device_mesh() if mesh is None else mesh
         self.settings, self.seed = settings, fit(Seed, seed, "seed")
         name = algorithm_name(algorithm)
-        self.title = f"{name} on {env if isinstance(env, str) else type(env.unwrapped).__name__}"
         self.env = make_env(env, settings)
+        self.title = f"{name} on {env if isinstance(env, str) else type(env.unwrapped).__name__}"
         self.algorithm: Algorithm = algorithm_class(algorithm)(
             envs.AutoReset(self.env), settings, self.mesh.size
         )
