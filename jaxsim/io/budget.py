@@ -1,17 +1,25 @@
 """How many contacts a model needs slots for."""
 
-import collections
+from collections.abc import Iterator
 
 import mujoco
 import numpy as np
 
 from jaxsim.collision import ContactKind, find_candidates, is_movable
+from jaxsim.joints import JOINTS
 from jaxsim.model import Model
 
 # Up to this many slots, every candidate keeps its own: sorting would cost more than it saves.
 FEW_SLOTS = 64
-# Probing: this many states are simulated for this long; the budget is this much above what occurs.
-PROBES, PROBE_STEPS, HEADROOM = 8, 200, 1.5
+# Probing: at most this many motions of so many seconds; the budget is this much above what occurs.
+PROBES, SECONDS, HEADROOM = 8, 2.0, 1.5
+# Probing ends at so many time steps, times degrees of freedom, in all; about a second of MuJoCo C.
+WORK = 1_000_000
+# Controls are held for these times, in turn (s); the first is that of one time step.
+HELD = 0.0, 0.1, 0.5
+MOST_DIMENSIONS = 6  # of a contact
+# A motion that is faster than this has diverged (m/s or rad/s).
+DIVERGED = 1e4
 # Budgets are rounded up to multiples of a grain, and are not smaller than a few.
 GRAIN, FEW = 4, 8
 # Choosing pairs costs as much as the exact geometry of so many times their number.
@@ -51,25 +59,55 @@ def contact_budget(
 def probe(mj: mujoco.MjModel, kinds: list[ContactKind]) -> tuple[int, list[int]]:
     """Largest numbers of pairs in contact, and of contacts of each kind, in random motion.
 
-    MuJoCo simulates the model from its reference pose and its keyframes under random controls.
+    MuJoCo simulates the model under random controls. Half of the motions begin at the reference
+    pose or a keyframe, the others at random angles of joints and of free bodies.
     """
-    rng = np.random.default_rng(0)
-    data = mujoco.MjData(mj)
-    pairs, contacts = 0, dict.fromkeys(kinds, 0)
-    for k in range(PROBES):
-        mujoco.mj_resetData(mj, data)
-        if k < mj.nkey:
-            mujoco.mj_resetDataKeyframe(mj, data, k)
-        data.qvel[:] = 0.1 * rng.normal(size=mj.nv)
-        for _ in range(PROBE_STEPS):
-            data.ctrl[:] = rng.uniform(*_control_range(mj))
-            mujoco.mj_step(mj, data)
+    steps = int(SECONDS / mj.opt.timestep)
+    probes = min(PROBES, max(1, WORK // (mj.nv * steps)))
+    steps = min(steps, WORK // mj.nv)
+    movable = is_movable(mj, np.arange(mj.ngeom))
+    pairs, contacts = 0, np.zeros(4 * MOST_DIMENSIONS + 4, int)
+    for k in range(probes):
+        for data in _motion(mj, k, steps):
             geoms = data.contact.geom
-            pairs = max(pairs, len(np.unique(geoms, axis=0)))
-            sides = zip(data.contact.dim.tolist(), is_movable(mj, geoms).tolist(), strict=True)
-            seen = collections.Counter(ContactKind(dim, (a, b)) for dim, (a, b) in sides)
-            contacts = {kind: max(count, seen[kind]) for kind, count in contacts.items()}
-    return pairs, list(contacts.values())
+            if data.ncon > pairs:
+                pairs = max(pairs, len(np.unique(geoms @ [mj.ngeom, 1])))
+            code = 4 * data.contact.dim + movable[geoms] @ [2, 1]
+            contacts = np.maximum(contacts, np.bincount(code, minlength=len(contacts)))
+    code = [4 * kind.condim + 2 * kind.movable[0] + kind.movable[1] for kind in kinds]
+    return pairs, contacts[code].tolist()
+
+
+def _motion(mj: mujoco.MjModel, number: int, steps: int) -> Iterator[mujoco.MjData]:
+    """The data after each step, until the motion diverges."""
+    rng = np.random.default_rng(number)
+    data = mujoco.MjData(mj)
+    if number < mj.nkey:
+        mujoco.mj_resetDataKeyframe(mj, data, number)
+    elif number % 2:
+        data.qpos[:] = _random_pose(mj, rng)
+    data.qvel[:] = 0.1 * rng.normal(size=mj.nv)
+    hold = max(1, round(HELD[number % len(HELD)] / mj.opt.timestep))
+    for k in range(steps):
+        if k % hold == 0:
+            data.ctrl[:] = rng.uniform(*_control_range(mj))
+        mujoco.mj_step(mj, data)
+        yield data
+        if not np.abs(data.qvel).max() < DIVERGED:
+            return
+
+
+def _random_pose(mj: mujoco.MjModel, rng: np.random.Generator) -> np.ndarray:
+    """Any angles of joints within their limits, any orientation of balls and of free bodies."""
+    qpos = mj.qpos0.copy()
+    for joint in range(mj.njnt):
+        at, kind = mj.jnt_qposadr[joint], JOINTS[int(mj.jnt_type[joint])]
+        if kind.nq == 1 and mj.jnt_limited[joint]:
+            qpos[at] = rng.uniform(*mj.jnt_range[joint])
+        elif kind.nq > 1:
+            rotation = rng.normal(size=4)
+            qpos[at + kind.nq - 4 : at + kind.nq] = rotation / np.linalg.norm(rotation)
+    return qpos
 
 
 def _control_range(mj: mujoco.MjModel):

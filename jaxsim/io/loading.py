@@ -32,7 +32,7 @@ def load(
         a bundled model, an `mujoco.MjSpec`, or a compiled `mujoco.MjModel`.
       max_contacts: contact slots of each kind, a condim and which geoms can move. None
         gives every candidate its own slots while they are few; where they are many, the numbers
-        are found by simulating the model for a moment.
+        are found by simulating the model for a few seconds.
       max_geom_pairs: geom pairs of each kind whose exact geometry is evaluated; None as before.
       hessian: how the constraint solver solves with its Hessian: "articulated" (O(n); nothing may
         couple two moving links), "dense", "iterative", or "auto" for the best of them.
