@@ -11,19 +11,19 @@ import jax
 from jax import lax
 from jax.extend import core as jex
 
-from jaxsim.batching import params
-from jaxsim.batching.fusion import own_kernel_p
+from jaxsim.batching import forms, jaxprs
+from jaxsim.batching.primitives.own_kernel import own_kernel_p
 
 
-def written_out(jaxpr, fixed: int):
+def inlined(jaxpr, fixed: int):
     """The program with the equations of its calls in their place, loops included.
 
     Its first `fixed` operands are those that a loop around it does not change.
     """
-    eqns, still = [], {*jaxpr.constvars, *jaxpr.invars[:fixed]}
+    eqns, invariant = [], {*jaxpr.constvars, *jaxpr.invars[:fixed]}
 
     def emit(eqn):
-        still.update(_still_results(eqn, still))
+        invariant.update(_invariant_results(eqn, invariant))
         eqns.append(eqn)
 
     def inline(inner, known):
@@ -32,13 +32,13 @@ def written_out(jaxpr, fixed: int):
 
         for eqn in inner.eqns:
             operands = [new(v) for v in eqn.invars]
-            barriers, operands = _apart(eqn, operands, still)
+            barriers, operands = _apart(eqn, operands, invariant)
             eqns.extend(barriers)
             call = _inlined_call(eqn, operands)
             if call is None:
                 made = [v if isinstance(v, jex.DropVar) else jex.Var(v.aval) for v in eqn.outvars]
-                eqn = params.with_bodies(
-                    eqn, functools.partial(written_out, fixed=fixed_operands(eqn))
+                eqn = jaxprs.with_bodies(
+                    eqn, functools.partial(inlined, fixed=num_invariant_operands(eqn))
                 )
                 emit(eqn.replace(invars=operands, outvars=made))
             else:
@@ -54,29 +54,29 @@ def _inlined_call(eqn, operands: Sequence):
     """The program of a call that need not stay one, and its operands; else None."""
     if eqn.effects or eqn.ctx.xla_metadata or eqn.primitive is own_kernel_p:
         return None
-    branch = params.platform_branch(eqn, "cpu")
-    form = params.read(eqn) if branch is None else None
+    form = forms.read(eqn)
+    branch = forms.platform_branch(form, "cpu")
     if branch is not None:
-        body, given = params.program(eqn.params["branches"][branch]), operands[1:]
-    elif isinstance(form, params.LinearSolve):  # derivatives have been taken
+        body, given = branch, operands[1:]
+    elif isinstance(form, forms.LinearSolve):  # derivatives have been taken
         count, first = sum(form.counts.values()), form.counts["matvec"] + form.counts["vecmat"]
         own = operands[first : first + form.counts["solve"]]
         body, given = form.parts["solve"], [*own, *operands[count:]]
-    elif isinstance(form, params.Jit | params.Custom | params.Remat):
+    elif isinstance(form, forms.Jit | forms.Custom | forms.Remat):
         body, given = form.body, operands
     else:
         return None
     return None if body is None or body.consts else (body.jaxpr, given)
 
 
-def _apart(eqn, operands: Sequence, still: set) -> tuple[list, Sequence]:
+def _apart(eqn, operands: Sequence, invariant: set) -> tuple[list, Sequence]:
     """Operands, hidden where a backward pass must not take them from the forward pass, and how.
 
-    Those that a loop does not change are left: what is computed of them is taken out of it.
+    Loop-invariant ones are left: what is computed of them is taken out of the loop.
     """
-    form = params.read(eqn)
-    apart = form.apart if isinstance(form, params.Remat) else ()
-    hidden = dict.fromkeys(v for v in variables([operands[i] for i in apart]) if v not in still)
+    form = forms.read(eqn)
+    apart = form.apart if isinstance(form, forms.Remat) else ()
+    hidden = dict.fromkeys(v for v in variables([operands[i] for i in apart]) if v not in invariant)
     if not hidden:
         return [], operands
     traced = jax.make_jaxpr(lax.optimization_barrier)([v.aval for v in hidden])
@@ -86,7 +86,7 @@ def _apart(eqn, operands: Sequence, still: set) -> tuple[list, Sequence]:
     return [barrier], [v if isinstance(v, jex.Literal) else made.get(v, v) for v in operands]
 
 
-def living(jaxpr):
+def without_dead_code(jaxpr):
     """The program without the equations that nobody needs, which a section would keep."""
     needed, eqns = set(variables(jaxpr.outvars)), []
     for eqn in reversed(jaxpr.eqns):
@@ -96,22 +96,22 @@ def living(jaxpr):
     return jaxpr.replace(eqns=eqns[::-1])
 
 
-def unchanging(jaxpr, fixed: int) -> set:
+def loop_invariant(jaxpr, fixed: int) -> set:
     """Variables that do not depend on operands other than the first `fixed`."""
-    still = {*jaxpr.constvars, *jaxpr.invars[:fixed]}
+    invariant = {*jaxpr.constvars, *jaxpr.invars[:fixed]}
     for eqn in jaxpr.eqns:
-        still.update(_still_results(eqn, still))
-    return still
+        invariant.update(_invariant_results(eqn, invariant))
+    return invariant
 
 
-def _still_results(eqn, still: set) -> Sequence:
-    return eqn.outvars if not eqn.effects and still.issuperset(variables(eqn.invars)) else ()
+def _invariant_results(eqn, invariant: set) -> Sequence:
+    return eqn.outvars if not eqn.effects and invariant.issuperset(variables(eqn.invars)) else ()
 
 
-def fixed_operands(eqn) -> int:
+def num_invariant_operands(eqn) -> int:
     """How many operands of its body a loop does not change."""
-    match params.read(eqn):
-        case params.Scan(num_consts=fixed) | params.While(num_body_consts=fixed):
+    match forms.read(eqn):
+        case forms.Scan(num_consts=fixed) | forms.While(num_body_consts=fixed):
             return fixed
     return 0
 

@@ -14,18 +14,13 @@ import jax
 from jax import lax
 from jax.extend import core as jex
 
-from jaxsim.batching import control, custom, flow, params, rules
-from jaxsim.batching.pieces import Pieces
-from jaxsim.batching.transposed import Transposed
-
-RULES: dict[str, Callable] = {**rules.RULES, **control.RULES, **custom.RULES}
-# What is put off until its use is known, and the one use that takes it as it is.
-PUT_OFF = {Pieces: "add_any", Transposed: "dot_general"}
+from jaxsim.batching import divergence, forms, jaxprs, registry
+from jaxsim.batching.lazy import Lazy
 
 
-def whole(value):
+def force(value):
     """An array, also where putting it together was put off."""
-    return value.assemble() if type(value) in PUT_OFF else value
+    return value.force() if isinstance(value, Lazy) else value
 
 
 def _atoms(jaxpr):
@@ -40,7 +35,7 @@ class Lanes:
 
     size: int
 
-    def materialise(self, value, flag: bool):
+    def broadcast(self, value, flag: bool):
         """Give a value its lane axis, if it has none."""
         if flag:
             return value
@@ -48,9 +43,9 @@ class Lanes:
         return lax.broadcast_in_dim(value, (*shape, self.size), range(len(shape)))
 
     def evaluate(
-        self, program: params.Program, values: Sequence, flags: Sequence[bool]
+        self, program: forms.Program, values: Sequence, flags: Sequence[bool]
     ) -> tuple[list, list[bool]]:
-        """Results of the program and their flags, which `flow.program_flags` predicts."""
+        """Results of the program and their flags, which `divergence.program_flags` predicts."""
         jaxpr = program.jaxpr
         env = {v: (c, False) for v, c in zip(jaxpr.constvars, program.consts, strict=True)}
         env.update(zip(jaxpr.invars, zip(values, flags, strict=True), strict=True))
@@ -62,44 +57,42 @@ class Lanes:
         for eqn in jaxpr.eqns:
             operands = [look_up(v) for v in eqn.invars]
             xs, on = [v for v, _ in operands], [f for _, f in operands]
-            xs = [x if PUT_OFF.get(type(x)) == eqn.primitive.name else whole(x) for x in xs]
-            out = flow.equation_flags(eqn, on)
+            xs = [x if isinstance(x, registry.find(eqn).takes) else force(x) for x in xs]
+            out = divergence.equation_flags(eqn, on)
             results = [
-                x if uses[v] == 1 else whole(x)
+                x if uses[v] == 1 else force(x)
                 for v, x in zip(eqn.outvars, self._equation(eqn, xs, on), strict=True)
             ]
             env.update(zip(eqn.outvars, zip(results, out, strict=True), strict=True))
         results = [look_up(v) for v in jaxpr.outvars]
-        return [whole(v) for v, _ in results], [f for _, f in results]
+        return [force(v) for v, _ in results], [f for _, f in results]
 
     def evaluate_as(self, program, values, flags, wanted: Sequence[bool]) -> list:
         """The results, where those in `wanted` get a lane axis in any case."""
         results, out = self.evaluate(program, values, flags)
-        return [
-            self.materialise(v, f or not w) for v, f, w in zip(results, out, wanted, strict=True)
-        ]
+        return [self.broadcast(v, f or not w) for v, f, w in zip(results, out, wanted, strict=True)]
 
     def evaluate_full(self, program, values, flags) -> list:
         """The results, each with a lane axis."""
         results, out = self.evaluate(program, values, flags)
-        return [self.materialise(v, f) for v, f in zip(results, out, strict=True)]
+        return [self.broadcast(v, f) for v, f in zip(results, out, strict=True)]
 
-    def trace(self, f: Callable, values: Sequence, flags: Sequence[bool]) -> params.Program:
+    def trace(self, f: Callable, values: Sequence, flags: Sequence[bool]) -> forms.Program:
         """The program of `f` for one lane of these values; f returns a list of arrays."""
-        kinds = [params.element(v, -1 if on else None) for v, on in zip(values, flags, strict=True)]
-        return params.program(jax.make_jaxpr(f)(*kinds))
+        kinds = [jaxprs.element(v, -1 if on else None) for v, on in zip(values, flags, strict=True)]
+        return forms.program(jax.make_jaxpr(f)(*kinds))
 
     def apply(self, f: Callable, values: Sequence, flags: Sequence[bool]) -> list:
         """`f`, written for one lane and returning a list, for all lanes."""
         return self.evaluate_full(self.trace(f, values, flags), values, flags)
 
-    def _equation(self, eqn, values, flags) -> list:
+    def _equation(self, eqn, values, flags) -> Sequence:
         if not any(flags):
-            return params.rebind(eqn)(*values)
-        rule = RULES.get(eqn.primitive.name)
+            return jaxprs.rebind(eqn)(*values)
+        rule = registry.find(eqn).rule
         results = None if rule is None else rule(self, eqn, values, flags)
         if results is None:
             axes = [-1 if f else None for f in flags]
-            one_lane = jax.vmap(params.rebind(eqn), axes, -1, axis_size=self.size)
-            results = one_lane(*(whole(x) for x in values))
+            one_lane = jax.vmap(jaxprs.rebind(eqn), axes, -1, axis_size=self.size)
+            results = one_lane(*(force(x) for x in values))
         return results

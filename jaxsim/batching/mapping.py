@@ -14,7 +14,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from jaxsim.batching import params
+from jaxsim.batching import forms, jaxprs, primitives  # noqa: F401
 from jaxsim.batching.interpret import Lanes
 
 
@@ -75,7 +75,7 @@ def vmap(
     return batched
 
 
-def _trace(f, leaves, axes, tree) -> tuple[params.Program, Any]:
+def _trace(f, leaves, axes, tree) -> tuple[forms.Program, Any]:
     """The program of one element; what is not mapped is closed over, so it stays concrete."""
 
     def one_element(*mapped):
@@ -87,10 +87,10 @@ def _trace(f, leaves, axes, tree) -> tuple[params.Program, Any]:
         return f(*args, **kwargs)
 
     kinds = [
-        params.element(x, axis) for x, axis in zip(leaves, axes, strict=True) if axis is not None
+        jaxprs.element(x, axis) for x, axis in zip(leaves, axes, strict=True) if axis is not None
     ]
     traced, shapes = jax.make_jaxpr(one_element, return_shape=True)(*kinds)
-    return params.program(traced), jax.tree.structure(shapes)
+    return forms.program(traced), jax.tree.structure(shapes)
 
 
 def _check_axes(name: str, axes) -> None:
@@ -163,7 +163,7 @@ def _place(lanes: Lanes, value, flag: bool, axis: int | None):
         if flag:
             raise ValueError("vmap out_axes is None for a result that depends on the batch")
         return jnp.asarray(value)
-    value = lanes.materialise(value, flag)
+    value = lanes.broadcast(value, flag)
     if not -value.ndim <= axis < value.ndim:
         raise ValueError(
             f"vmap out_axes {axis} is out of bounds for a result of dimension {value.ndim}"

@@ -19,10 +19,16 @@ from jax.experimental.xla_metadata import set_xla_metadata
 from jax.extend import core as jex
 from jax.interpreters import mlir
 
-from jaxsim.batching import contract, params
-from jaxsim.batching.fusion import not_inlined
-from jaxsim.batching.inline import fixed_operands, living, unchanging, variables, written_out
-from jaxsim.batching.joining import JOINING, joined
+from jaxsim.batching import jaxprs, registry
+from jaxsim.batching.concatenation import JOINING, with_parts_apart
+from jaxsim.batching.inline import (
+    inlined,
+    loop_invariant,
+    num_invariant_operands,
+    variables,
+    without_dead_code,
+)
+from jaxsim.batching.primitives.own_kernel import not_inlined
 
 # Equations of a section, those of its loops counted once: below the first the start is no matter,
 # and above the second LLVM takes longer for one function than for two, and makes nothing faster.
@@ -30,26 +36,9 @@ MIN_EQUATIONS, MAX_EQUATIONS = 32, 800
 # A loop is better not divided: what it carries is then copied at every turn, part by part.
 MAX_LOOP = 5000
 
-# What XLA compiles inside such a function. Not there: scatters, sorts, matrix products, random
-# numbers, collectives and whatever else runs as a library call.
-KNOWN = frozenset(
-    """
-    abs acos acosh add add_any and anywhere asin asinh atan atan2 atanh bitcast_convert_type
-    broadcast_in_dim cbrt ceil clamp concatenate convert_element_type copy copy_p cos cosh
-    cumsum div dynamic_slice dynamic_update_slice eq erf exp exp2 expand_dims expm1 floor gather
-    ge gt integer_pow iota is_finite lane_contract le log log1p logistic lt max min mul name ne
-    neg nextafter not or pad pcast platform_index population_count pow pvary real reduce_and
-    reduce_max reduce_min reduce_or reduce_sum rem reshape reshard rev round rsqrt select_n
-    shift_left shift_right_arithmetic shift_right_logical sign sin sinh slice split sqrt square
-    squeeze stack stop_gradient sub tan tanh transpose unstack xor
-    closed_call cond custom_jvp_call custom_vjp_call jit own_kernel jvp_rule pjit scan while
-    """.split()
-)
 PLAIN = "bool", "int8", "uint8", "int32", "uint32", "int64", "uint64", "float32", "float64"
 VIEWS = "slice", "split", "squeeze", "unstack", "reshape", "expand_dims"  # of another array
 REPEATING = "broadcast_in_dim", "iota"
-# Of integers only: XLA gives sums and maxima of floats to a library.
-COMBINING = "cumsum", "reduce_max", "reduce_min", "reduce_sum"
 
 
 def sectioned(f: Callable, platform: str) -> Callable:
@@ -67,7 +56,7 @@ def sectioned(f: Callable, platform: str) -> Callable:
         traced, shapes = jax.make_jaxpr(
             lambda *xs: f(*jax.tree.unflatten(tree, xs)), return_shape=True
         )(*leaves)
-        program = params.with_jaxpr(traced, functools.partial(_divided, fixed=0))
+        program = jaxprs.with_jaxpr(traced, functools.partial(_divided, fixed=0))
         return jax.tree.unflatten(jax.tree.structure(shapes), jex.jaxpr_as_fun(program)(*leaves))
 
     return divided
@@ -75,11 +64,11 @@ def sectioned(f: Callable, platform: str) -> Callable:
 
 def _divided(jaxpr, fixed: int):
     """The program in sections; its first `fixed` operands and its constants are a loop's own."""
-    jaxpr = living(written_out(jaxpr, fixed))
-    still = unchanging(jaxpr, fixed)
-    groups = list(_groups(jaxpr.eqns, still))
+    jaxpr = without_dead_code(inlined(jaxpr, fixed))
+    invariant = loop_invariant(jaxpr, fixed)
+    groups = list(_groups(jaxpr.eqns, invariant))
     users = _users(jaxpr, [group for group, _ in groups])
-    views = {v: eqn for eqn in jaxpr.eqns for v in eqn.outvars if v in still and _is_view(eqn)}
+    views = {v: eqn for eqn in jaxpr.eqns for v in eqn.outvars if v in invariant and _is_view(eqn)}
     eqns = []
     for place, (group, repays) in enumerate(groups):
         if not repays:
@@ -90,16 +79,16 @@ def _divided(jaxpr, fixed: int):
     return jaxpr.replace(eqns=eqns)
 
 
-def _groups(eqns: Sequence, still: set) -> Iterator[tuple[list, bool]]:
+def _groups(eqns: Sequence, invariant: set) -> Iterator[tuple[list, bool]]:
     """Equations in an order that is as good, in groups, and whether each becomes a section.
 
     What does not change from turn to turn of a loop is in no section: XLA takes it out of the loop.
     """
     section, made, size = [], set(), 0
     for eqn in eqns:
-        length = params.length([eqn])
+        length = jaxprs.length([eqn])
         limit = MAX_LOOP if eqn.primitive.name == "while" else MAX_EQUATIONS
-        joins = length <= limit and not still.issuperset(eqn.outvars) and _fits(eqn)
+        joins = length <= limit and not invariant.issuperset(eqn.outvars) and _fits(eqn)
         full = joins and size + length > MAX_EQUATIONS
         if section and (full or (not joins and not made.isdisjoint(variables(eqn.invars)))):
             yield section, size >= MIN_EQUATIONS
@@ -148,16 +137,11 @@ def _needed(group: Sequence, views: dict) -> list:
 
 def _fits(eqn) -> bool:
     """Whether the equation, with all that it calls, can be part of a section."""
-    if eqn.primitive.name not in KNOWN or eqn.effects:
+    if not registry.fits_section(eqn) or eqn.effects:
         return False
     if not all(_is_plain(v.aval) for v in (*eqn.invars, *eqn.outvars)):
         return False
-    if eqn.primitive.name in COMBINING and "float" in eqn.invars[0].aval.dtype.name:
-        return False
-    if eqn.primitive.name == "lane_contract":
-        x, y = (v.aval for v in eqn.invars)
-        return contract.is_written_out(x, y, eqn.params["labels"])
-    return all(_fits(inner) for jaxpr in params.bodies(eqn) for inner in jaxpr.eqns)
+    return all(_fits(inner) for jaxpr in jaxprs.bodies(eqn) for inner in jaxpr.eqns)
 
 
 def _is_plain(kind) -> bool:
@@ -168,16 +152,16 @@ def _is_plain(kind) -> bool:
 
 def _inner_divided(eqn):
     """The equation itself; of a long loop or branching, with its bodies in sections."""
-    if eqn.effects or params.length([eqn]) < MIN_EQUATIONS:
+    if eqn.effects or jaxprs.length([eqn]) < MIN_EQUATIONS:
         return eqn
-    return params.with_bodies(eqn, functools.partial(_divided, fixed=fixed_operands(eqn)))
+    return jaxprs.with_bodies(eqn, functools.partial(_divided, fixed=num_invariant_operands(eqn)))
 
 
 def _section(eqns: Sequence, results: Sequence):
     """One equation for several."""
     made = {v for eqn in eqns for v in eqn.outvars}
     read = dict.fromkeys(v for eqn in eqns for v in variables(eqn.invars) if v not in made)
-    program = params.closed([*read], results, _parts_apart(eqns))
+    program = jaxprs.closed([*read], results, _parts_apart(eqns))
     return jex.new_jaxpr_eqn([*read], results, section_p, {"program": program}, set())
 
 
@@ -188,8 +172,8 @@ def _parts_apart(eqns: Sequence) -> list:
     new = []
     for eqn in eqns:
         if eqn.primitive.name in JOINING:
-            eqn = joined(eqn, made)
-        new.append(params.with_bodies(eqn, apart))
+            eqn = with_parts_apart(eqn, made)
+        new.append(jaxprs.with_bodies(eqn, apart))
     return new
 
 

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Int
 
-from jaxsim.batching.anywhere import in_lanes, place, pushing
+from jaxsim.batching.primitives.decisions import index_of_nth, is_batched, nonzero_in_batch
 from jaxsim.constraint.contact_rows import ContactRows
 from jaxsim.constraint.jacobian import Jacobian, LinkRows
 from jaxsim.constraint.link_index import items
@@ -47,9 +47,9 @@ def with_few_contacts(
     if operator.strategy != "articulated" or not many:
         return run(problem, operator)
 
-    ranks = {i: jnp.cumsum(pushing(problem.blocks[i].D)) for i in many}
+    ranks = {i: jnp.cumsum(nonzero_in_batch(problem.blocks[i].D)) for i in many}
     few = jnp.all(jnp.stack([rank[-1] <= FEW for rank in ranks.values()]))
-    few = few & in_lanes(problem.blocks[many[0]].D)
+    few = few & is_batched(problem.blocks[many[0]].D)
     pays = lax.platform_dependent(few, cpu=lambda few: few, default=jnp.zeros_like)
     shortened = lambda: run(*_shortened(problem, operator, ranks))  # noqa: E731
     return lax.cond(pays, shortened, lambda: run(problem, operator))
@@ -64,7 +64,7 @@ def _shortened(problem: Problem, operator: TreeOperator, ranks: dict[int, Array]
     kinds, jacobians = list(problem.blocks), list(operator.jacobians)
     item = jnp.arange(FEW)
     for i, rank in ranks.items():
-        index = jax.vmap(functools.partial(place, rank))(item)
+        index = jax.vmap(functools.partial(index_of_nth, rank))(item)
         kinds[i] = _kept(kinds[i], index, item < rank[-1])
         jacobians[i] = jacobians[i].items(index)
     return Problem(tuple(kinds)), operator.replace(jacobians=tuple(jacobians))

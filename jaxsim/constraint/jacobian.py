@@ -19,7 +19,7 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from jaxsim.arrays.indexing import gather_or_zero, sum_by, take
-from jaxsim.batching.anywhere import place, pushing
+from jaxsim.batching.primitives.decisions import index_of_nth, nonzero_in_batch
 from jaxsim.constraint.link_index import LinkIndex, add_at, items, moves
 from jaxsim.dynamics.components import Components, restrict
 from jaxsim.dynamics.motion import Motion
@@ -219,11 +219,11 @@ def _add_all(H, J, W):
 
 
 def _add_pushing(H, J, W):
-    pushes = pushing(W)
+    pushes = nonzero_in_batch(W)
     rank = jnp.cumsum(pushes)
 
     def add(i, H):
-        k = place(rank, i)
+        k = index_of_nth(rank, i)
         rows, weights = (lax.dynamic_index_in_dim(x, k, keepdims=False) for x in (J, W))
         rows, WJ = jnp.atleast_2d(rows, weighed(weights, rows))
         return H + rows.T @ WJ

@@ -20,7 +20,7 @@ from jax.scipy.linalg import cho_factor, cho_solve
 from jaxtyping import Array, Float
 
 from jaxsim.arrays.indexing import sum_by, take
-from jaxsim.batching.anywhere import anywhere
+from jaxsim.batching.primitives.decisions import any_in_batch
 from jaxsim.constraint.block import Block, RowType
 from jaxsim.constraint.jacobian import DenseRows, Jacobian, add_products
 from jaxsim.dynamics.aba import articulated_solve
@@ -142,7 +142,7 @@ class TreeOperator:
             return solve(curvatures, r)
         coupled = [W for J, W in zip(self.jacobians, curvatures, strict=True) if J.coupled]
         pushes = functools.reduce(jnp.logical_or, [jnp.any(W != 0) for W in coupled])
-        return lax.cond(anywhere(pushes), solve, self._solve_articulated, curvatures, r)
+        return lax.cond(any_in_batch(pushes), solve, self._solve_articulated, curvatures, r)
 
     def _solve_articulated(self, curvatures: Rows, r) -> tuple[TreePoint, LinearStatus]:
         """Without the rows that couple, if there are any."""
@@ -213,7 +213,7 @@ def _dense_rows(J: Jacobian, D: Array, tree: Forest, cdof: Float[Array, "nv c"])
     shape = jax.eval_shape(lambda cdof: J.dense(tree, cdof), cdof)
     return DenseRows(
         lax.cond(
-            anywhere(jnp.any(D != 0)),
+            any_in_batch(jnp.any(D != 0)),
             lambda cdof: J.dense(tree, cdof),
             lambda _: jnp.zeros(shape.shape, shape.dtype),
             cdof,

@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 
 from jaxsim.arrays.checkpoint import SOLUTION
 from jaxsim.arrays.precision import full_precision
-from jaxsim.batching.jvp_rule import with_jvp_rule
+from jaxsim.batching.primitives.jvp_rule import with_jvp_rule
 from jaxsim.solver.conjugate_gradients import hessian_product
 from jaxsim.solver.operator import Lifted, Operator, Rows
 from jaxsim.solver.problem import Problem

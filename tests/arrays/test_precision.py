@@ -8,7 +8,7 @@ from leg import LEG
 
 import jaxsim
 from jaxsim.arrays.precision import full_precision
-from jaxsim.batching.params import bodies
+from jaxsim.batching.jaxprs import bodies
 from jaxsim.envs import make
 from jaxsim.io.constants import set_const
 

@@ -10,7 +10,8 @@ import pytest
 from jax import lax
 from jax.scipy.linalg import cho_factor, cho_solve
 
-from jaxsim.batching import params, vmap
+from jaxsim.batching import vmap
+from jaxsim.batching.jaxprs import bodies
 from jaxsim.batching.sections import MAX_EQUATIONS, sectioned
 from jaxsim.parallel.devices import compiled
 
@@ -218,7 +219,7 @@ def _names(traced) -> list[str]:
         for eqn in jaxprs.pop().eqns:
             found.append(eqn.primitive.name)
             if eqn.primitive.name != "section":
-                jaxprs.extend(params.bodies(eqn))
+                jaxprs.extend(bodies(eqn))
     return found
 
 

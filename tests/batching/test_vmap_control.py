@@ -1,5 +1,7 @@
 """Loops, branches, nested calls and rematerialisation."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -7,7 +9,8 @@ import pytest
 from jax import lax
 from vmap_compare import assert_same
 
-from jaxsim.batching import control, params, vmap
+from jaxsim.batching import forms, registry, vmap
+from jaxsim.batching.primitives import while_loop
 
 pytestmark = pytest.mark.usefixtures("x64")
 RNG = np.random.default_rng(2)
@@ -85,8 +88,8 @@ def test_frozen_lanes_see_no_overflow():
 @pytest.fixture
 def every_loop_narrows(monkeypatch):
     """Short loops over few lanes go on with an eighth of them, too."""
-    monkeypatch.setattr(control, "LONG", 0)
-    monkeypatch.setattr(control, "MIN_FEW", 1)
+    monkeypatch.setattr(while_loop, "LONG", 0)
+    monkeypatch.setattr(while_loop, "MIN_FEW", 1)
 
 
 @pytest.mark.parametrize("late", [0, 1, 2, 5, 16])
@@ -305,9 +308,10 @@ def test_unknown_parameters_fall_back(name, monkeypatch):
         y = jax.checkpoint(lambda x: jnp.sin(x) * 2)(jax.jit(jnp.tanh)(y))
         return lax.scan(lambda c, r: (c * r, c), 1.0, y)
 
-    monkeypatch.setitem(params._READERS, name, reader)
-    params.warn_unknown.cache_clear()
+    known = registry._PRIMITIVES
+    monkeypatch.setitem(known, name, dataclasses.replace(known[name], read=reader))
+    forms.warn_unknown.cache_clear()
     with pytest.warns(UserWarning, match=f"how this JAX release .* stores {name}") as caught:
         assert_same(f, X, derivatives=("jvp",))
     assert len(caught) == 1
-    params.warn_unknown.cache_clear()
+    forms.warn_unknown.cache_clear()

@@ -12,7 +12,9 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxsim.arrays.series import horner
-from jaxsim.batching.jvp_rule import with_jvp_rule
+from jaxsim.batching.primitives.elementwise import elementwise
+from jaxsim.batching.primitives.jvp_rule import with_jvp_rule
+from jaxsim.batching.registry import register
 
 # pi/2 in three parts (Cody and Waite, "Software Manual for the Elementary Functions", 1980): the
 # first two have eight bits each, so that their products with whole numbers below 2^16 are exact.
@@ -62,3 +64,14 @@ def _wave(shift: int, x: jax.Array) -> jax.Array:
     cosine = 1 - 0.5 * square + square * square * horner(_COSINE, square)
     size = jnp.where((quadrant == 1) | (quadrant == 3), cosine, sine)
     return jnp.where(quadrant >= 2, -size, size)
+
+
+def wave(stand_in, lanes, eqn, values, flags):
+    """Sine or cosine; of float32 numbers by what stands in for it."""
+    if values[0].dtype != jnp.float32 or eqn.params.get("accuracy") is not None:
+        return elementwise(lanes, eqn, values, flags)
+    return [stand_in(values[0])]
+
+
+register("sin", rule=functools.partial(wave, sin), in_section=True)
+register("cos", rule=functools.partial(wave, cos), in_section=True)

@@ -10,7 +10,7 @@ from jax import lax
 from vmap_compare import assert_same
 
 from jaxsim import batching
-from jaxsim.batching.jvp_rule import with_jvp_rule
+from jaxsim.batching.primitives.jvp_rule import with_jvp_rule
 
 pytestmark = pytest.mark.usefixtures("x64")
 MODES = jax.jacfwd, jax.jacrev

@@ -25,9 +25,10 @@ from jax import lax
 from jax.extend import core as jex
 from jax.interpreters import ad, batching, mlir
 
-from jaxsim.batching import params
-from jaxsim.batching.fusion import not_inlined
-from jaxsim.batching.transposed import Transposed
+from jaxsim.batching import jaxprs
+from jaxsim.batching.lazy import LazyTranspose
+from jaxsim.batching.primitives.own_kernel import not_inlined
+from jaxsim.batching.registry import register
 
 MAX_TERMS = 32  # of one unrolled sum, both operands batched
 MAX_TERMS_VECTOR = 64  # the same where the result has at most as many entries as an operand
@@ -44,13 +45,13 @@ def dot_general(lanes, eqn, values, flags):
     """The equation as a labelled product, in which the lanes are one more label."""
     p = eqn.params
     dtypes = [v.aval.dtype for v in (*eqn.invars, *eqn.outvars)]
-    if params.is_divided(p.get("out_sharding")) or not all(_is_wide(d) for d in dtypes):
+    if jaxprs.is_divided(p.get("out_sharding")) or not all(_is_wide(d) for d in dtypes):
         return None
     left, right, out = _labels(p["dimension_numbers"], [v.aval.ndim for v in eqn.invars])
     lane = len(left) + len(right)
     groups = [left + (lane,) * flags[0], right + (lane,) * flags[1]]
     for i, v in enumerate(values):
-        if isinstance(v, Transposed):
+        if isinstance(v, LazyTranspose):
             values[i], groups[i] = v.array, v.labels(groups[i])
     x, y = (lax.convert_element_type(v, dtypes[-1]) for v in values)
     return [contract(x, y, (*groups, (*out, lane)), p["precision"])]
@@ -66,7 +67,7 @@ def nested(lanes, eqn, values, flags):
 
 def contract(x, y, labels: Labels, precision: Any = None):
     """Sum over all labels that are not in the result, as `einsum`; each is in both operands."""
-    x, y = params.match_varying(x, y)
+    x, y = jaxprs.match_varying(x, y)
     return contract_p.bind(x, y, labels=labels, precision=precision)
 
 
@@ -85,8 +86,10 @@ def evaluate(x, y, *, labels: Labels, precision, call: bool = False):
     return unrolled(x, y, labels=labels)
 
 
-def is_written_out(x, y, labels: Labels) -> bool:
-    """Whether `evaluate` needs no `dot_general` for operands of these types."""
+def is_written_out(eqn) -> bool:
+    """Whether the product needs no `dot_general`."""
+    labels = eqn.params["labels"]
+    x, y = (v.aval for v in eqn.invars)
     sizes = _sizes(x, y, labels)
     return _unrolls(labels, sizes) or bool(_middle(labels, sizes))
 
@@ -209,7 +212,7 @@ def _is_wide(dtype) -> bool:
 def _result_type(x, y, labels: Labels, precision):
     """What `dot_general` would give, with all that JAX tracks about it."""
     f = functools.partial(_matrix_product, labels=labels, precision=precision)
-    return params.result_type(f, x, y)
+    return jaxprs.result_type(f, x, y)
 
 
 def _transpose(side: int, cotangent, x, y, *, labels: Labels, precision):
@@ -242,3 +245,6 @@ mlir.register_lowering(
     mlir.lower_fun(functools.partial(evaluate, call=True), multiple_results=False),
     platform="cpu",
 )
+
+register("dot_general", rule=dot_general, takes=(LazyTranspose,))
+register("lane_contract", rule=nested, in_section=is_written_out)

@@ -12,13 +12,15 @@ import itertools
 import jax.numpy as jnp
 from jax import lax
 
+from jaxsim.batching.lazy import Lazy
+
 MAX_CELLS = 64  # regions of a whole; beyond that, paddings are added
 
 Box = tuple[tuple[int, int], ...]  # begin and end along each axis
 
 
 @dataclasses.dataclass(frozen=True)
-class Pieces:
+class PaddedSum(Lazy):
     """The sum of some arrays, each at its place in an array of zeros.
 
     Attributes:
@@ -29,12 +31,12 @@ class Pieces:
     shape: tuple[int, ...]
     parts: tuple[tuple[tuple[int, ...], jnp.ndarray], ...]
 
-    def plus(self, other) -> "Pieces":
+    def plus(self, other) -> "PaddedSum":
         """The sum with other pieces of the same whole, or with an array."""
-        parts = other.parts if isinstance(other, Pieces) else (((0,) * other.ndim, other),)
-        return Pieces(self.shape, self.parts + parts)
+        parts = other.parts if isinstance(other, PaddedSum) else (((0,) * other.ndim, other),)
+        return PaddedSum(self.shape, self.parts + parts)
 
-    def assemble(self):
+    def force(self):
         """The whole."""
         whole = tuple((0, size) for size in self.shape)
         parts = [(_box(start, x.shape), x) for start, x in self.parts]

@@ -11,20 +11,9 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from jaxsim.batching import params
-from jaxsim.batching.custom import with_jvp
-
-# Axes of the first operand that are no batch.
-AXES = {
-    **dict.fromkeys(
-        """
-        cholesky cholesky_update eig eigh geqp3 geqrf hessenberg householder_product lu ormqr qr
-        schur svd triangular_solve tridiagonal
-        """.split(),
-        2,
-    ),
-    "tridiagonal_solve": 1,
-}
+from jaxsim.batching import jaxprs
+from jaxsim.batching.primitives.derivatives import with_jvp
+from jaxsim.batching.registry import register
 
 
 def one_by_one(lanes, eqn, values, flags):
@@ -32,8 +21,8 @@ def one_by_one(lanes, eqn, values, flags):
 
     Only the value is ours: the derivative remains that of the primitive.
     """
-    outer = eqn.invars[0].aval.ndim - AXES[eqn.primitive.name]
-    routine = params.rebind(eqn)
+    outer = eqn.invars[0].aval.ndim - (1 if eqn.primitive.name == "tridiagonal_solve" else 2)
+    routine = jaxprs.rebind(eqn)
 
     def loop(*xs):
         together = routine
@@ -48,9 +37,18 @@ def one_by_one(lanes, eqn, values, flags):
         results = lax.platform_dependent(*xs, cpu=loop, default=library)
         return [jnp.moveaxis(x, 0, -1) for x in results]
 
-    full = [lanes.materialise(v, f) for v, f in zip(values, flags, strict=True)]
+    full = [lanes.broadcast(v, f) for v, f in zip(values, flags, strict=True)]
     return with_jvp(lanes, eqn, [True] * len(full), batched)(*full)
 
 
 def _mapped(f):
     return lambda *xs: lax.map(lambda x: f(*x), xs)
+
+
+register(
+    *"""
+    cholesky_update eig eigh geqp3 geqrf hessenberg householder_product ormqr qr schur svd
+    tridiagonal tridiagonal_solve
+    """.split(),
+    rule=one_by_one,
+)

@@ -15,8 +15,10 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from jaxsim.batching import lapack, params
-from jaxsim.batching.custom import with_jvp
+from jaxsim.batching import jaxprs
+from jaxsim.batching.primitives import lapack
+from jaxsim.batching.primitives.derivatives import with_jvp
+from jaxsim.batching.registry import register
 
 UNROLL = 6  # rows
 MAX_ROWS = 32  # of a factor by column loops
@@ -127,7 +129,7 @@ def triangular_solve(lanes, eqn, values, flags):
     if not (real and (small or medium)) or 0 in b_type.shape:
         return _solve_large(lanes, eqn, values, flags)
     a = values[0] if flags[0] else values[0][..., None]
-    b = lanes.materialise(values[1], flags[1])
+    b = lanes.broadcast(values[1], flags[1])
     if small:
         return [_solve_small(eqn.params, a, b)]
     return [_solve_medium(eqn, lanes, flags, values[0], b)]
@@ -237,9 +239,14 @@ def _batch_first(lanes, eqn, flags, parameters=None) -> Callable:
     """The library's routine for all lanes."""
     axes = [-1 if f else None for f in flags]
     p = eqn.params if parameters is None else parameters
-    routine = params.rebind(eqn.replace(params=p))
+    routine = jaxprs.rebind(eqn.replace(params=p))
     return jax.vmap(routine, axes, -1, axis_size=lanes.size)
 
 
 def _on_cpu(loop: Callable, otherwise: Callable) -> Callable:
     return lambda *xs: lax.platform_dependent(*xs, cpu=loop, default=otherwise)
+
+
+register("cholesky", rule=cholesky)
+register("lu", rule=lu)
+register("triangular_solve", rule=triangular_solve)

@@ -15,7 +15,7 @@ from jax import lax
 from jax.extend import core as jex
 from jax.interpreters import mlir
 
-from jaxsim.batching.fusion import computed
+from jaxsim.batching.primitives.own_kernel import fusion_barrier
 
 JOINING = "concatenate", "stack"
 # Rows that share a loop, in which the arithmetic of each is done once for every row. A cross
@@ -23,7 +23,7 @@ JOINING = "concatenate", "stack"
 MAX_SELECTED = 4
 
 
-def joined(eqn, made: set):
+def with_parts_apart(eqn, made: set):
     """A concatenation or stack whose parts, where they are in `made`, are computed apart."""
     first = tuple(isinstance(v, jex.Var) and v in made for v in eqn.invars)
     return eqn.replace(primitive=apart_p, params={"whole": eqn, "first": first})
@@ -41,14 +41,14 @@ def _put_together(*parts, whole, first):
         if rows:
             pieces += _selected([x for _, x, _ in run], axis)
         else:
-            pieces += [computed(x) if f else x for _, x, f in run]
+            pieces += [fusion_barrier(x) if f else x for _, x, f in run]
     return pieces[0] if len(pieces) == 1 else lax.concatenate(pieces, axis)
 
 
 def _selected(rows: Sequence[jax.Array], axis: int) -> list[jax.Array]:
     """Rows of length one along the axis, joined a few at a time, each time in one loop."""
     groups = [rows[i : i + MAX_SELECTED] for i in range(0, len(rows), MAX_SELECTED)]
-    return [computed(_select_row(group, axis)) for group in groups]
+    return [fusion_barrier(_select_row(group, axis)) for group in groups]
 
 
 def _select_row(rows: Sequence[jax.Array], axis: int) -> jax.Array:

@@ -8,7 +8,8 @@ so nothing is transposed but the (small) index array.
 import jax.numpy as jnp
 from jax import lax
 
-from jaxsim.batching.fusion import computed
+from jaxsim.batching.primitives.own_kernel import fusion_barrier
+from jaxsim.batching.registry import register
 
 
 def gather(lanes, eqn, values, flags):
@@ -43,14 +44,14 @@ def _gather(lanes, rank, values, flags, p, d):
         fill_value=p["fill_value"],
     )
     # Number by number as it is, it should not be done again for each use.
-    return computed(found) if flags[1] else found
+    return fusion_barrier(found) if flags[1] else found
 
 
 def scatter(lanes, eqn, values, flags):
     """`lax.scatter` and its kin: like gather, with a batched operand in any case."""
     p, d = eqn.params, eqn.params["dimension_numbers"]
     operand, indices, updates = values
-    operand, updates = lanes.materialise(operand, flags[0]), lanes.materialise(updates, flags[2])
+    operand, updates = lanes.broadcast(operand, flags[0]), lanes.broadcast(updates, flags[2])
     in_operand, in_indices = tuple(d.operand_batching_dims), tuple(d.scatter_indices_batching_dims)
     window = tuple(d.update_window_dims)
     if flags[1]:
@@ -94,7 +95,7 @@ def dynamic_update_slice(lanes, eqn, values, flags):
     operand, update, *start = values
     if not _plain(eqn, values, 2):
         return None
-    operand, update = lanes.materialise(operand, flags[0]), lanes.materialise(update, flags[1])
+    operand, update = lanes.broadcast(operand, flags[0]), lanes.broadcast(update, flags[1])
     if not any(flags[2:]):
         return [eqn.primitive.bind(operand, update, *_with_zero(start), **eqn.params)]
     indices = jnp.moveaxis(_stack(lanes, start, flags[2:]), -1, -2)
@@ -125,5 +126,12 @@ def _with_zero(start) -> list:
 
 def _stack(lanes, start, flags):
     """Indices of each lane as one array (axes, lanes)."""
-    columns = [lanes.materialise(s, f) for s, f in zip(start, flags, strict=True)]
+    columns = [lanes.broadcast(s, f) for s, f in zip(start, flags, strict=True)]
     return jnp.stack(jnp.broadcast_arrays(*columns))
+
+
+register("gather", rule=gather, in_section=True)
+register("dynamic_slice", rule=dynamic_slice, in_section=True)
+register("dynamic_update_slice", rule=dynamic_update_slice, in_section=True)
+for kind in ("", "-add", "_add", "-mul", "_mul", "-min", "_min", "-max", "_max", "-sub", "_sub"):
+    register(f"scatter{kind}", rule=scatter)

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jax.extend import core as jex
 from jax.interpreters import ad, batching, mlir
 
-from jaxsim.batching import params
+from jaxsim.batching import jaxprs
 
 Rule = Callable[[Sequence, Sequence], tuple[Sequence, Sequence]]
 """From operands and their tangents to results and theirs; a tangent that is zero is None."""
@@ -32,7 +32,7 @@ def with_jvp_rule(f: Callable, rule: Rule) -> Callable:
     """
 
     def call(*xs):
-        program = jax.make_jaxpr(f)(*[params.element(x, None) for x in xs])
+        program = jax.make_jaxpr(f)(*[jaxprs.element(x, None) for x in xs])
         return jvp_rule_p.bind(*xs, program=program, rule=rule)
 
     return call
@@ -45,7 +45,7 @@ def _evaluate(*xs, program, rule):
 
 def _types(*kinds, program, rule):
     del rule
-    return [params.varying_like(kind, *kinds) for kind in program.out_avals]
+    return [jaxprs.varying_like(kind, *kinds) for kind in program.out_avals]
 
 
 def _jvp(primals, tangents, *, program, rule):

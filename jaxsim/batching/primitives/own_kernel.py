@@ -16,7 +16,10 @@ from jax.experimental.xla_metadata import set_xla_metadata
 from jax.extend import core as jex
 from jax.interpreters import ad, batching, mlir
 
-from jaxsim.batching import params
+from jaxsim.batching import forms, jaxprs
+from jaxsim.batching.primitives.calls import jit
+from jaxsim.batching.primitives.operands import all_full
+from jaxsim.batching.registry import register
 
 
 def not_inlined():
@@ -24,7 +27,7 @@ def not_inlined():
     return set_xla_metadata(inlineable="false")
 
 
-def computed(x):
+def fusion_barrier(x):
     """The same `x`, computed before it is used."""
     return own_kernel(_identity, x)
 
@@ -39,7 +42,7 @@ def own_kernel(f: Callable, x, **options):
     Its derivatives are those of f and no kernels of their own. `f` takes and returns one array, and
     the options are hashable.
     """
-    kind: Any = params.element(x, None)
+    kind: Any = jaxprs.element(x, None)
     if kind is x:  # it varies over the devices of a `jax.shard_map`, and is traced as it is
         program = jax.make_jaxpr(functools.partial(f, **options))(x)
     else:
@@ -56,7 +59,7 @@ def _program(f: Callable, kind, options: tuple, mesh):
 
 def _type(x, *, program):
     (result,) = program.out_avals
-    return params.varying_like(result, x)
+    return jaxprs.varying_like(result, x)
 
 
 def _jvp(primals, tangents, *, program):
@@ -74,7 +77,7 @@ def _transpose(cotangent, x, *, program):
 def _batch(values, axes, *, program):
     """`jax.vmap` of the function, batch first."""
     f = jax.vmap(functools.partial(_evaluate, program=program), axes)
-    batched = jax.make_jaxpr(f)(params.element(values[0], None))
+    batched = jax.make_jaxpr(f)(jaxprs.element(values[0], None))
     return own_kernel_p.bind(values[0], program=batched), 0
 
 
@@ -101,3 +104,16 @@ ad.primitive_transposes[own_kernel_p] = _transpose
 batching.primitive_batchers[own_kernel_p] = _batch
 mlir.register_lowering(own_kernel_p, mlir.lower_fun(_evaluate, multiple_results=False))
 mlir.register_lowering(own_kernel_p, mlir.lower_fun(_call, multiple_results=False), platform="cpu")
+
+
+def barrier_rule(lanes, eqn, values, flags):
+    """A barrier that also works on a CPU."""
+    return [fusion_barrier(v) for v in all_full(lanes, values, flags)]
+
+
+def _read_own_kernel(p):
+    return forms.Jit(forms.program(p["program"]), "own_kernel")
+
+
+register("own_kernel", rule=jit, read=_read_own_kernel, in_section=True)
+register("optimization_barrier", rule=barrier_rule)

@@ -1,4 +1,4 @@
-"""Transposes that wait for their use: a product takes its operands with the axes in any order."""
+"""Arrays that are put off until their use is known, and transposes, which some uses do without."""
 
 import dataclasses
 
@@ -6,9 +6,20 @@ import jax
 from jax import lax
 
 
+class Lazy:
+    """A result that is computed at its first use, unless that takes it as it is.
+
+    A rule may return one; rules that take it say so where they are registered.
+    """
+
+    def force(self) -> jax.Array:
+        """The array."""
+        raise NotImplementedError
+
+
 @dataclasses.dataclass(frozen=True)
-class Transposed:
-    """An array with its axes in another order.
+class LazyTranspose(Lazy):
+    """An array with its axes in another order: a product takes it in any.
 
     Attributes:
       array: the array.
@@ -18,7 +29,7 @@ class Transposed:
     array: jax.Array
     order: tuple[int, ...]
 
-    def assemble(self) -> jax.Array:
+    def force(self) -> jax.Array:
         """The transpose itself."""
         return lax.transpose(self.array, self.order)
 

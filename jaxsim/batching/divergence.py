@@ -8,13 +8,12 @@ from collections.abc import Sequence
 
 from jax.extend import core as jex
 
-from jaxsim.batching import params
-from jaxsim.batching.anywhere import anywhere_p, in_lanes_p
+from jaxsim.batching import forms, registry
 
 Flags = list[bool]
 
 
-def program_flags(program: params.Program, flags: Sequence[bool]) -> Flags:
+def program_flags(program: forms.Program, flags: Sequence[bool]) -> Flags:
     """Flags of a program's results, from those of its operands."""
     jaxpr = program.jaxpr
     env = dict(zip(jaxpr.invars, flags, strict=True))
@@ -31,22 +30,22 @@ def program_flags(program: params.Program, flags: Sequence[bool]) -> Flags:
 def equation_flags(eqn, flags: Sequence[bool]) -> Flags:
     """Flags of an equation's results, from those of its operands."""
     flags = list(flags)
-    if not any(flags) or eqn.primitive in (anywhere_p, in_lanes_p):
+    if not any(flags) or registry.find(eqn).uniform:
         return [False] * len(eqn.outvars)
-    match params.read(eqn):
-        case params.Scan() as form:
+    match forms.read(eqn):
+        case forms.Scan() as form:
             return scan_flags(form, flags)
-        case params.While() as form:
+        case forms.While() as form:
             return while_flags(form, flags)[0]
-        case params.Cond() as form if not flags[0]:
+        case forms.Cond() as form if not flags[0]:
             return cond_flags(form, flags[1:])
-        case params.Jit(body=body) | params.Remat(body=body):
+        case forms.Jit(body=body) | forms.Remat(body=body):
             return program_flags(body, flags)
         case _:
             return [True] * len(eqn.outvars)
 
 
-def scan_flags(form: params.Scan, flags: Flags) -> Flags:
+def scan_flags(form: forms.Scan, flags: Flags) -> Flags:
     """Smallest flags of (carry, scanned results) that one more step does not enlarge."""
     first, last = form.num_consts, form.num_consts + form.num_carry
     consts, carry, xs = flags[:first], flags[first:last], flags[last:]
@@ -58,7 +57,7 @@ def scan_flags(form: params.Scan, flags: Flags) -> Flags:
         carry = grown
 
 
-def while_flags(form: params.While, flags: Flags) -> tuple[Flags, bool]:
+def while_flags(form: forms.While, flags: Flags) -> tuple[Flags, bool]:
     """Smallest flags of the carry, and whether the condition depends on the lane.
 
     When it does, lanes stop at different times: everything the body changes is then batched.
@@ -77,7 +76,7 @@ def while_flags(form: params.While, flags: Flags) -> tuple[Flags, bool]:
         carry = grown
 
 
-def cond_flags(form: params.Cond, flags: Flags) -> Flags:
+def cond_flags(form: forms.Cond, flags: Flags) -> Flags:
     """Flags of a branching on an index that all lanes share."""
     out = [program_flags(branch, flags) for branch in form.branches]
     return [any(column) for column in zip(*out, strict=True)]

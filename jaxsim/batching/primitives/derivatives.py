@@ -13,13 +13,14 @@ import jax
 import jax.numpy as jnp
 from flax import struct
 
-from jaxsim.batching import params
-from jaxsim.batching.jvp_rule import with_jvp_rule
+from jaxsim.batching import forms, jaxprs
+from jaxsim.batching.primitives.jvp_rule import with_jvp_rule
+from jaxsim.batching.registry import register
 
 
 def custom_call(lanes, eqn, values, flags):
     """A call of a `custom_jvp` or `custom_vjp` function."""
-    form = params.read(eqn)
+    form = forms.read(eqn)
     if form is None:
         return None
     wrap = with_jvp if form.kind == "jvp" else with_vjp
@@ -28,11 +29,11 @@ def custom_call(lanes, eqn, values, flags):
 
 def linear_solve(lanes, eqn, values, flags):
     """A solve whose derivatives are solves: each of its programs runs for all lanes."""
-    form = params.read(eqn)
+    form = forms.read(eqn)
     if form is None:
         return None
     first = sum(form.counts.values())
-    b = [lanes.materialise(v, f) for v, f in zip(values[first:], flags[first:], strict=True)]
+    b = [lanes.broadcast(v, f) for v, f in zip(values[first:], flags[first:], strict=True)]
     begin, programs = 0, {}
     for name, body in form.parts.items():
         end = begin + form.counts[name]
@@ -46,7 +47,7 @@ def linear_solve(lanes, eqn, values, flags):
 
 def with_jvp(lanes, eqn, flags, batched: Callable) -> Callable:
     """`batched`, whose forward derivative is that of the equation."""
-    one_lane = params.rebind(eqn)
+    one_lane = jaxprs.rebind(eqn)
 
     def rule(primals, tangents):
         moving = [t is not None for t in tangents]
@@ -67,7 +68,7 @@ def with_jvp(lanes, eqn, flags, batched: Callable) -> Callable:
 
 def with_vjp(lanes, eqn, flags, batched: Callable) -> Callable:
     """`batched`, whose backward derivative is that of the equation."""
-    one_lane, count = params.rebind(eqn), len(eqn.outvars)
+    one_lane, count = jaxprs.rebind(eqn), len(eqn.outvars)
     smooth = [_is_smooth(v.aval) for v in eqn.invars]
     call = jax.custom_vjp(batched)
 
@@ -83,7 +84,7 @@ def with_vjp(lanes, eqn, flags, batched: Callable) -> Callable:
 
         program = lanes.trace(derivative, primals, flags)
         results, on = lanes.evaluate(program, primals, flags)
-        out = [lanes.materialise(v, f) for v, f in zip(results[:count], on[:count], strict=True)]
+        out = [lanes.broadcast(v, f) for v, f in zip(results[:count], on[:count], strict=True)]
         return out, Residuals(results[count:], tuple(on[count:]), structure[0])
 
     def backward(saved: Residuals, cotangents):
@@ -131,7 +132,21 @@ def _is_smooth(x) -> bool:
     return jnp.issubdtype(x.dtype, jnp.inexact)
 
 
-RULES = {
-    **dict.fromkeys(("custom_jvp_call", "custom_vjp_call"), custom_call),
-    "custom_linear_solve": linear_solve,
-}
+def _read_linear_solve(p):
+    kinds, counts = p["jaxprs"], p["const_lengths"]
+    parts = {k: v if v is None else forms.program(v) for k, v in kinds._asdict().items()}
+    replace = lambda new: {**p, "jaxprs": kinds._replace(**new)}  # noqa: E731
+    return forms.LinearSolve(parts, {k: getattr(counts, k) or 0 for k in parts}, replace)
+
+
+def _custom(parameter: str, kind: str):
+    return lambda p: forms.Custom(forms.program(p[parameter]), kind)
+
+
+for name, parameter, kind in (
+    ("custom_jvp_call", "call_jaxpr", "jvp"),
+    ("custom_vjp_call", "call_jaxpr", "vjp"),
+    ("jvp_rule", "program", "jvp"),
+):
+    register(name, rule=custom_call, read=_custom(parameter, kind), in_section=True)
+register("custom_linear_solve", rule=linear_solve, read=_read_linear_solve)

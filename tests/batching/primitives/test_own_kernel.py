@@ -9,7 +9,7 @@ import pytest
 from jax import export
 from vmap_compare import assert_same
 
-from jaxsim.batching.fusion import computed, own_kernel
+from jaxsim.batching.primitives.own_kernel import fusion_barrier, own_kernel
 from jaxsim.parallel.devices import AXIS, device_mesh
 
 
@@ -26,13 +26,13 @@ pytestmark = pytest.mark.usefixtures("x64")
 
 
 def test_values():
-    np.testing.assert_array_equal(computed(POINT), POINT)
+    np.testing.assert_array_equal(fusion_barrier(POINT), POINT)
     expected = _softened(POINT, scale=1.5)
     np.testing.assert_allclose(_soft(POINT), expected, rtol=1e-15)
     np.testing.assert_allclose(jax.jit(_soft)(POINT), expected, rtol=1e-15)
 
 
-@pytest.mark.parametrize("f", [computed, _soft])
+@pytest.mark.parametrize("f", [fusion_barrier, _soft])
 def test_batches_and_derivatives(f):
     """Of `jax.vmap`, of ours, of one in the other, forwards and backwards."""
     assert_same(f, POINT)

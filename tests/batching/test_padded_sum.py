@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import jaxsim
-from jaxsim.batching.pieces import MAX_CELLS, Pieces
+from jaxsim.batching.padded_sum import MAX_CELLS, PaddedSum
 
 SHAPE = (5, 4, 3)
 
@@ -30,22 +30,22 @@ def test_the_sum_of_the_parts(boxes, with_a_whole):
     for (a, b), (c, d) in boxes:
         x = rng.integers(-9, 9, (b - a, d - c, SHAPE[-1])).astype(float)
         expected[a:b, c:d] += x
-        part = Pieces(SHAPE, (((a, c, 0), jnp.asarray(x)),))
+        part = PaddedSum(SHAPE, (((a, c, 0), jnp.asarray(x)),))
         found = part if found is None else found.plus(part)
     if with_a_whole:
         whole = rng.integers(-9, 9, SHAPE).astype(float)
         expected, found = expected + whole, found.plus(jnp.asarray(whole))
-    np.testing.assert_array_equal(found.assemble(), expected)
+    np.testing.assert_array_equal(found.force(), expected)
 
 
 def test_more_regions_than_are_worth_it():
     size = MAX_CELLS + 2
     ones = jnp.ones((1, 2))
-    parts = [Pieces((size, 2), (((i, 0), ones),)) for i in range(0, size, 2)]
+    parts = [PaddedSum((size, 2), (((i, 0), ones),)) for i in range(0, size, 2)]
     found = parts[0]
     for part in parts[1:]:
         found = found.plus(part)
-    np.testing.assert_array_equal(found.assemble()[:, 0], np.arange(size) % 2 == 0)
+    np.testing.assert_array_equal(found.force()[:, 0], np.arange(size) % 2 == 0)
 
 
 def quaternion_like(x):

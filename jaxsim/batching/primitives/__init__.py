@@ -1,0 +1,37 @@
+"""JAX's primitives, and ours: all that is known of each is registered in the file of its rule."""
+
+from jaxsim.batching.primitives import (
+    calls,
+    control_flow,
+    decisions,
+    derivatives,
+    elementwise,
+    factors,
+    indexing,
+    jvp_rule,
+    lapack,
+    own_kernel,
+    products,
+    reductions,
+    shapes,
+    trigonometry,
+    while_loop,
+)
+
+__all__ = [
+    "calls",
+    "control_flow",
+    "decisions",
+    "derivatives",
+    "elementwise",
+    "factors",
+    "indexing",
+    "jvp_rule",
+    "lapack",
+    "own_kernel",
+    "products",
+    "reductions",
+    "shapes",
+    "trigonometry",
+    "while_loop",
+]

@@ -1,0 +1,61 @@
+"""Calls of programs, lanes last: of jitted functions and of `jax.checkpoint`."""
+
+import functools
+
+import jax
+
+from jaxsim.batching import divergence, forms, jaxprs
+from jaxsim.batching.registry import register
+
+INLINE = 16  # a jitted function of fewer equations becomes part of its caller
+
+
+def jit(lanes, eqn, values, flags):
+    """Large functions stay functions: traced once for all calls, compiled once for eager ones."""
+    form = forms.read(eqn)
+    if form is None:
+        return None
+    if len(form.body.jaxpr.eqns) < INLINE or form.body.consts:
+        return lanes.evaluate(form.body, values, flags)[0]
+    return _jitted(lanes, form.body.jaxpr, tuple(flags), form.name)(*values)
+
+
+@functools.lru_cache(maxsize=256)
+def _jitted(lanes, jaxpr, flags, name):
+    def call(*values):
+        return lanes.evaluate(forms.Program(jaxpr, ()), values, flags)[0]
+
+    call.__name__ = name
+    return jax.jit(call)
+
+
+def remat(lanes, eqn, values, flags):
+    """The same primitive around the batched body: what is recomputed, and when, is unchanged."""
+    form = forms.read(eqn)
+    if form is None:
+        return None
+    out = divergence.program_flags(form.body, flags)
+    traced = jax.make_jaxpr(lambda *xs: lanes.evaluate_as(form.body, xs, flags, out))(*values)
+    jaxpr, consts = jaxprs.open_program(traced)
+    options = {**eqn.params, "jaxpr": jaxpr}
+    if not isinstance(options.get("prevent_cse", True), bool):
+        options["prevent_cse"] = (True,) * len(consts) + tuple(options["prevent_cse"])
+    return eqn.primitive.bind(*consts, *values, **options)
+
+
+def _read_remat(p):
+    body, apart = forms.program(p["jaxpr"]), p["prevent_cse"]
+    if isinstance(apart, bool):
+        apart = (apart,) * len(body.jaxpr.invars)
+    return forms.Remat(
+        body, tuple(i for i, flag in enumerate(apart) if flag and p["differentiated"])
+    )
+
+
+def _body(parameter: str):
+    return lambda p: forms.Jit(forms.program(p[parameter]), p.get("name", "closed_call"))
+
+
+register("jit", "pjit", rule=jit, read=_body("jaxpr"), in_section=True)
+register("closed_call", rule=jit, read=_body("call_jaxpr"), in_section=True)
+register("remat2", "checkpoint", rule=remat, read=_read_remat)

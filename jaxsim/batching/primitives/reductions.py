@@ -1,0 +1,110 @@
+"""Reductions of axes of one lane, and what else names its axes from the front.
+
+A reduction of leading axes is not vectorised by XLA, so short ones are written out.
+"""
+
+import functools
+import itertools
+import math
+from collections.abc import Sequence
+
+import jax.numpy as jnp
+from jax import lax
+
+from jaxsim.batching.primitives.derivatives import with_jvp
+from jaxsim.batching.primitives.jvp_rule import with_jvp_rule
+from jaxsim.batching.primitives.operands import same_axes
+from jaxsim.batching.primitives.own_kernel import own_kernel
+from jaxsim.batching.registry import register
+
+MAX_REDUCED = 8192  # entries of one lane whose reduction is written out
+SUM_PARTS = 8  # parts that are added in one expression
+
+
+def reduce_sum(lanes, eqn, values, flags):
+    """Integers have no derivative; complex numbers are left to the primitive."""
+    if jnp.issubdtype(values[0].dtype, jnp.complexfloating):
+        return same_axes(lanes, eqn, values, flags)
+    whole = jnp.issubdtype(values[0].dtype, jnp.integer)
+    total = functools.partial(_combined, lax.add) if whole else _sum
+    return reduction(total, lanes, eqn, values, flags)
+
+
+def extremum(operator, lanes, eqn, values, flags):
+    """Only the value is ours: the derivative, which divides among equals, is the primitive's."""
+    combined = functools.partial(_combined, operator)
+    if not jnp.issubdtype(values[0].dtype, jnp.inexact):
+        return reduction(combined, lanes, eqn, values, flags)
+    run = lambda *xs: reduction(combined, lanes, eqn, xs, flags)  # noqa: E731
+    return with_jvp(lanes, eqn, flags, run)(*values)
+
+
+def reduction(combined, lanes, eqn, values, flags):
+    """Short ones are written out: a reduction of leading axes would not be vectorised."""
+    axes = tuple(eqn.params["axes"])
+    terms = math.prod(values[0].shape[a] for a in axes)
+    if terms == 1:
+        return [lax.squeeze(values[0], axes)]
+    if not 0 < terms <= MAX_REDUCED:
+        return same_axes(lanes, eqn, values, flags)
+    return [combined(values[0], axes)]
+
+
+def _combined(operator, x, axes: tuple[int, ...]):
+    """All entries along some axes, of an operand that is computed first."""
+    return own_kernel(_written_out, x, axes=axes, operator=operator)
+
+
+def _sum(x, axes: tuple[int, ...]):
+    """The same for sums, with a derivative."""
+
+    def rule(primals, tangents):
+        # The plain reduction: its transpose is a broadcast, that of slices would be many pads.
+        return [_sum(primals[0], axes)], [jnp.sum(tangents[0], axes)]
+
+    return with_jvp_rule(lambda x: [_combined(lax.add, x, axes)], rule)(x)[0]
+
+
+def _written_out(x, *, axes: tuple[int, ...], operator):
+    for first, last in reversed(_runs(axes)):
+        size = math.prod(x.shape[first : last + 1])
+        x = x.reshape(*x.shape[:first], size, *x.shape[last + 1 :])
+        x = lax.squeeze(_reduced(x, first, operator), [first])
+    return x
+
+
+def _runs(axes: Sequence[int]) -> list[tuple[int, int]]:
+    """First and last of the axes that follow each other."""
+    runs = itertools.groupby(enumerate(sorted(axes)), lambda place: place[1] - place[0])
+    runs = [[axis for _, axis in run] for _, run in runs]
+    return [(run[0], run[-1]) for run in runs]
+
+
+def _reduced(x, axis: int, operator):
+    """Reduction of an axis, kept with size one: eight parts of the axis at a time."""
+    size = x.shape[axis]
+    if size == 1:
+        return x
+    parts = min(size, SUM_PARTS)
+    length = size // parts
+    edges = [*range(0, (parts + 1) * length, length), *range(parts * length + 1, size + 1)]
+    slices = [lax.slice_in_dim(x, a, b, axis=axis) for a, b in itertools.pairwise(edges)]
+    total = _reduced(functools.reduce(operator, slices[:parts]), axis, operator)
+    return functools.reduce(operator, slices[parts:], total)
+
+
+def _no_floats(eqn) -> bool:
+    """XLA gives sums and maxima of floats to a library, which no section can call."""
+    return "float" not in eqn.invars[0].aval.dtype.name
+
+
+register("argmax", "argmin", rule=same_axes)
+register("reduce_prod", "reduce_xor", "sort", rule=same_axes)
+register("cumlogsumexp", "cummax", "cummin", "cumprod", rule=same_axes)
+register("cumsum", rule=same_axes, in_section=_no_floats)
+register("reduce_sum", rule=reduce_sum, in_section=_no_floats)
+for name, operator in (("reduce_max", lax.max), ("reduce_min", lax.min)):
+    register(name, rule=functools.partial(extremum, operator), in_section=_no_floats)
+for name, operator in (("reduce_and", lax.bitwise_and), ("reduce_or", lax.bitwise_or)):
+    combined = functools.partial(_combined, operator)
+    register(name, rule=functools.partial(reduction, combined), in_section=True)
