@@ -20,6 +20,9 @@ from jaxsim.model.dof_order import from_tree_order, to_tree_order
 from jaxsim.model.inputs import admit_array, admit_model
 from jaxsim.model.topology import Forest
 
+# Pivots are at least this many units of rounding.
+_UNITS = 16
+
 
 @full_precision
 def forward_dynamics(
@@ -110,8 +113,18 @@ def _eliminate(children, matrix, dofs):
     articulated = articulated + matrix
     U = S @ articulated
     joint = S @ U.T + jnp.diag(diagonal)
-    gain, offset = _solve_joint(joint, U, force - S @ bias)
+    smallest = _rounding(articulated, S, diagonal) if len(S) > 1 else None
+    gain, offset = _solve_joint(joint, smallest, U, force - S @ bias)
     return (articulated - U.T @ gain, bias + U.T @ offset), (gain, offset)
+
+
+def _rounding(articulated, S, diagonal):
+    """(n,) what rounding may take off the diagonal of `S articulated S^T + diag(diagonal)`.
+
+    Stiff contacts of a slender or light body leave less than that of its weakest motions.
+    """
+    size = (S * S) @ jnp.diagonal(articulated) + diagonal
+    return lax.stop_gradient(_UNITS * jnp.finfo(size.dtype).eps * size)
 
 
 def _substitute(parent, _, dofs):
@@ -121,34 +134,34 @@ def _substitute(parent, _, dofs):
     return parent + x @ S, x
 
 
-def _solve_joint(joint, U, u):
+def _solve_joint(joint, smallest, U, u):
     """`joint^-1 U` and `joint^-1 u`.
 
-    Two products with the inverse: joined in one substitution, reverse mode would not see that the
-    solve is linear in u alone.
+    Factors are multiplied one after the other: the inverse, their product, has no accuracy left
+    where a contact is a million times stiffer than the joint is heavy. The two sides are not
+    joined: reverse mode would not see that the solve is linear in u alone.
     """
     n = joint.shape[0]
     if n == 1:
         inverse = 1 / joint[0, 0]
         return inverse * U, inverse * u
-    inverse = _inverse(joint)
-    return inverse @ U, inverse @ u
+    X, pivots = _factor(joint, smallest)
+    return X.T @ ((X @ U) / pivots[:, None]), X.T @ ((X @ u) / pivots)
 
 
-def _inverse(A):
-    """Of a positive definite matrix: `X^T D^-1 X` with `X = L^-1`, `A = L D L^T`.
+def _factor(A, smallest):
+    """X and D of `A^-1 = X^T D^-1 X`: `X = L^-1` with `A = L D L^T`.
 
     Elimination goes on in all rows: what is left of a row that is done is zero.
     """
     n = len(A)
-    rest, rows = jnp.concatenate([A, jnp.eye(n, dtype=A.dtype)], axis=1), []
+    rest, rows, pivots = jnp.concatenate([A, jnp.eye(n, dtype=A.dtype)], axis=1), [], []
     for j in range(n):
-        row = rest[j]
+        row, pivot = rest[j], jnp.maximum(rest[j, j], smallest[j])
         rows.append(row)
+        pivots.append(pivot)
         if j + 1 < n:
-            scaled = row / row[j]
+            scaled = row / pivot
             # Without a barrier it would be computed again for each of its rows and columns.
             rest = lax.optimization_barrier(rest - rest[:, j][:, None] * scaled[None])
-    rows = jnp.stack(rows)
-    X, pivots = rows[:, n:], jnp.diagonal(rows)
-    return X.T @ (X / pivots[:, None])
+    return jnp.stack(rows)[:, n:], jnp.stack(pivots)

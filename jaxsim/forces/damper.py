@@ -10,7 +10,9 @@ from jaxsim.dynamics.reflected import dof_damping, tendon_damping
 from jaxsim.dynamics.tendon import tendon_force_on_joints, tendon_velocity
 from jaxsim.dynamics.transmission import TENDON
 from jaxsim.model import Model
+from jaxsim.model.facts import fact
 
+_DOF_DAMPING = ("dof_damping", "dof_dampingpoly", "actuator_damping", "actuator_dampingpoly")
 _DAMPER = mujoco.mjtDisableBit.mjDSBL_DAMPER
 
 
@@ -30,6 +32,12 @@ def dof_damping_slope(model: Model, qvel: Float[Array, "nv"]) -> Float[Array, "n
     if model.opt.disabled(_DAMPER):
         return jnp.zeros_like(qvel)
     return damping_slope(*dof_damping(model), qvel)
+
+
+@fact(*_DOF_DAMPING, unknown=True)
+def may_damp_dofs(model: Model, *numbers: np.ndarray) -> bool:
+    """Whether some joint may have damping, its actuators' included."""
+    return any(x.any() for x in numbers)
 
 
 def tendon_damping_slope(model: Model, qvel: Float[Array, "nv"]) -> Float[Array, "ntendon"]:

@@ -30,6 +30,7 @@ class Line:
         problem: The blocks of constraint rows.
         start: Residuals `J x - aref` at alpha = 0.
         direction: `J s`.
+        descent: Minus the slope of the whole objective at alpha = 0.
         slope: Derivative of the quadratic term at alpha = 0, `s^T (M x - force)`.
         bend: Its second derivative, `s^T M s`.
         rounding: What rounding may add to a slope.
@@ -39,6 +40,7 @@ class Line:
     problem: Problem
     start: Rows
     direction: Rows
+    descent: Float[Array, ""]
     slope: Float[Array, ""]
     bend: Float[Array, ""]
     rounding: Float[Array, ""]
@@ -59,12 +61,20 @@ class Line:
             total = total + block.change(r, alpha * v)
         return total
 
-    def is_quadratic(self) -> Bool[Array, ""]:
-        """Whether phi is its quadratic model up to alpha = 1, the minimum of that."""
+    def ends_at_one(self) -> Bool[Array, ""]:
+        """Whether alpha = 1, the minimum of phi's quadratic model, is that of phi.
+
+        No row changes zone on the way, and the slope there is what rounding may leave: what is
+        still to be gained is rounding beside what was gained. Of an ill-conditioned step, which
+        may not even go down, only the first is true.
+        """
         quadratic = jnp.ones((), bool)
         for block, r, v in self._blocks():
             quadratic = quadratic & block.is_quadratic(r, r + v)
-        return quadratic
+        first, second = self.slopes(jnp.ones_like(self.bend))
+        eps = jnp.finfo(first.dtype).eps
+        left = jnp.sqrt(eps) * self.descent + self.rounding + 8 * eps * second
+        return quadratic & (jnp.abs(first) <= left)
 
     def _blocks(self):
         return zip(self.problem.blocks, self.start, self.direction, strict=True)
@@ -101,6 +111,7 @@ def make_line(
         problem=problem,
         start=start,
         direction=direction,
+        descent=residual @ s,
         slope=inertial - given,
         bend=bend,
         rounding=8 * eps * size,
@@ -130,16 +141,14 @@ def line_search(
         tolerance: Slope below which a point is accepted.
         iterations: Largest number of slopes. The first is that at alpha = 0, which is known; the
             second, at alpha = 1, the Newton step, is evaluated in any case.
-        done: True asks for no search. In a batch, environments whose solve has ended go along
-            with the others, and should not keep them waiting.
+        done: True asks for the step 1, without a search. In a batch, environments whose solve has
+            ended go along with the others, and should not keep them waiting.
 
     Returns:
         The step and its improvement. The step is zero if nothing better than alpha = 0 was found.
     """
     one, zero = jnp.ones_like(line.bend), jnp.zeros_like(line.bend)
     inf = jnp.full_like(zero, jnp.inf)
-    if iterations > UNROLLED:  # what is unrolled saves nothing by having no search to do
-        done = done | line.is_quadratic()
     search = _Search(one, zero, inf, inf, jnp.asarray(done), jnp.ones((), int))
     iterations = max(iterations, 2)
     search = _repeat(lambda s: _advance(line, tolerance, s, iterations), search, iterations)

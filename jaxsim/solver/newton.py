@@ -4,8 +4,8 @@ The loop is MuJoCo's: step along `s = H^-1 (-gradient)` with the Hessian `H = M 
 current zones, stop when the scaled improvement or the scaled gradient falls below the tolerance.
 It begins at the warm start or at the unconstrained point, whichever costs less, so that a loop cut
 short ends where MuJoCo's does, too.
-Where no row changes zone along the full step, that step ends at the minimum: nothing is searched
-for, and the solve is over.
+Where no row changes zone along the full step, that step ends at the minimum, unless rounding has
+spoilt it, which the slope at its end tells: nothing is searched for, and the solve is over.
 Two things are added. A step that is not finite is refused and ends the loop. And when a step gains
 no more than rounding and the gradient no longer shrinks, the loop ends whatever the tolerance.
 """
@@ -33,7 +33,8 @@ class SolverStatus:
         improvement: Decrease of the cost by the last step; infinite without a step.
         cost: Objective at the solution.
         finite: False if a step was refused because it was not finite.
-        converged: Whether the loop ended because it was done; False if its iterations ran out.
+        converged: Whether the loop ended because it was done; False if its iterations ran out or a
+            line search found nothing better where there was something to gain.
         linear: How the linear solves of the steps went, all together.
     """
 
@@ -67,6 +68,7 @@ class _Iterate(NamedTuple):
     count: Int[Array, ""]
     finite: Bool[Array, ""]
     done: Bool[Array, ""]
+    converged: Bool[Array, ""]
     linear: LinearStatus
 
 
@@ -127,7 +129,7 @@ def solve(
         improvement=state.improvement,
         cost=_cost(search, state.y),
         finite=state.finite,
-        converged=state.done & state.finite,
+        converged=state.converged & state.finite,
         linear=state.linear,
     )
     return Solution(x=operator.vector(state.y), status=status)
@@ -149,7 +151,7 @@ def _start(search: _Search, x: Float[Array, "nv"] | None, iterations: int) -> Li
 def _run(search: _Search, y: Lifted, iterations: int) -> _Iterate:
     inf = jnp.full_like(search.scale, jnp.inf)
     no, yes = jnp.zeros((), bool), jnp.ones((), bool)
-    state = _Iterate(y, inf, inf, no, jnp.zeros((), jnp.int32), yes, no, LinearStatus())
+    state = _Iterate(y, inf, inf, no, jnp.zeros((), jnp.int32), yes, no, no, LinearStatus())
     if iterations == 0 or search.force.size == 0:
         return state._replace(finite=jnp.isfinite(_norm(_residual(search, y))))
     if iterations == 1:
@@ -172,13 +174,17 @@ def _step(search: _Search, state: _Iterate) -> _Iterate:
     line = make_line(problem, operator, search.force, residual, state.y, ys)
     length = _norm(operator.vector(ys))
     slope = search.tolerance * search.ls_tolerance * length / search.scale
-    found = line_search(line, slope, search.ls_iterations, state.done | over)
+    ends = line.ends_at_one()
+    found = line_search(line, slope, search.ls_iterations, state.done | over | ends)
     # Without barriers these would be computed again for every number of the points.
     alpha, improvement = lax.optimization_barrier(found)
     finite = over | (jnp.isfinite(length) & jnp.isfinite(improvement))
     moved = lax.optimization_barrier(finite & (alpha > 0) & ~over)
     y = jax.tree.map(lambda a, b: a + alpha * b, state.y, ys)
     small = (search.scale * improvement < search.tolerance) & (improvement > 0)
+    # Half the slope is what a step promises. Where that is rounding, finding nothing is an end.
+    stuck = ~moved & (0.5 * jnp.abs(line.descent) <= line.cost_rounding)
+    converged = over | small | stuck | ends
     return _Iterate(
         y=_where(moved, y, state.y),
         gradient=gradient,
@@ -186,7 +192,8 @@ def _step(search: _Search, state: _Iterate) -> _Iterate:
         exhausted=jnp.maximum(improvement, state.improvement) <= line.cost_rounding,
         count=state.count + moved,
         finite=finite,
-        done=~moved | small | line.is_quadratic(),
+        done=~moved | converged,
+        converged=converged,
         linear=state.linear.then(linear),
     )
 

@@ -7,6 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from dense_operator import DenseOperator
+from flax import struct
+from jaxtyping import Array, Float
 
 from jaxsim.solver import Problem, Unilateral
 
@@ -183,3 +185,35 @@ def test_the_loop_begins_where_it_costs_less(x64, random_case, solve_tight, iter
     np.testing.assert_allclose(end(good + 1e3), end(smooth), rtol=1e-12)
     np.testing.assert_allclose(end(good), good, atol=1e-10)
     assert np.abs(end(smooth) - good).max() > left
+
+
+@struct.dataclass
+class Spoilt(DenseOperator):
+    """Solves that are off by a factor, as rounding may make those of a stiff Hessian."""
+
+    factor: Float[Array, ""] | float = 1.0
+
+    def solve(self, curvatures, r):
+        """`factor` times the right step."""
+        y, status = DenseOperator.solve(self, curvatures, r)
+        return jax.tree.map(lambda a: self.factor * a, y), status
+
+
+def test_a_step_that_rounding_has_spoilt_does_not_end_the_solve(x64, random_case, solve_tight):
+    problem, operator, force = random_case(0)
+    off = jax.tree.map(jnp.zeros_like, problem)  # Nothing changes zone along any step.
+    short = Spoilt(operator.mass, operator.jacobian, 0.7)
+    solution = solve_tight(off, short, force)
+    assert solution.status.converged
+    np.testing.assert_allclose(operator.mass @ solution.x, force, atol=1e-10)
+
+
+def test_a_line_search_that_finds_nothing_is_not_convergence(x64, random_case, solve_tight):
+    problem, operator, force = random_case(0)
+    uphill = Spoilt(operator.mass, operator.jacobian, -1.0)
+    away = solve_tight(problem, operator, force).x + 1
+    stuck = solve_tight(problem, uphill, force, away).status
+    assert stuck.iterations == 0
+    assert stuck.finite
+    assert not stuck.converged
+    assert solve_tight(problem, operator, force, away).status.converged

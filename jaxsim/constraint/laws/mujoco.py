@@ -16,6 +16,10 @@ from jaxsim.solver import EllipticCone, PyramidalCone, Unilateral
 
 ELLIPTIC = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
 
+# A row's regularisation beside its inverse inertia, in units of rounding: with less, the Hessian
+# would lose the inertia of the motions that the row leaves free.
+_UNITS = 30
+
 
 def contact_cost(opt: Option, contact: ContactState) -> EllipticCone | PyramidalCone | Unilateral:
     """The cost of one contact, active where it is closer than its margin."""
@@ -35,13 +39,18 @@ def _frictionless(opt: Option, contact: ContactState) -> Unilateral:
 
 
 def _pyramidal(opt: Option, contact: ContactState) -> PyramidalCone:
-    """All edges share one regularisation, that of the elliptic cone's friction."""
+    """All edges share one regularisation, that of the elliptic cone's friction.
+
+    It goes with the square of friction, so a slippery contact becomes as stiff as the numbers can
+    hold, and no stiffer.
+    """
     violation, velocity, friction = _of(contact)
     r = response(opt, contact.solref, contact.solimp, violation)
     active = violation < 0
     mu = friction[0] / jnp.sqrt(jnp.maximum(opt.impratio, MINVAL))
     weight = contact.inverse_weight * (1 + friction[0] * friction[0])
     R = 2 * mu * mu * r.regularisation(weight)
+    R = jnp.maximum(R, _UNITS * jnp.finfo(R.dtype).eps * contact.inverse_weight)
     aref = jnp.concatenate([r.reference(velocity[:1], violation), r.reference(velocity[1:], 0.0)])
     aref = jnp.where(active, aref, 0.0)
     return PyramidalCone(aref=aref, D=inverse_where(active, R), mu=friction)

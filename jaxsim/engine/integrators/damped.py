@@ -12,14 +12,16 @@ from jaxsim.forces.derivatives import Damping, damping_matrix
 from jaxsim.model import Model
 
 
-def solve_damped(model: Model, now: Instant, damping: Damping) -> Float[Array, "nv"]:
+def solve_damped(
+    model: Model, now: Instant, damping: Damping, force: Float[Array, "nv"]
+) -> Float[Array, "nv"]:
     """`(M + h D)^-1 force`: O(n) along the tree unless D couples more than the tree does."""
     h, kin = model.opt.timestep, now.motion.kin
     if damping.dense is not None:
         matrix = composite_mass_matrix(model, kin) + h * damping_matrix(model, kin, damping)
-        return jnp.linalg.solve(matrix, now.force)
+        return jnp.linalg.solve(matrix, force)
     links = jax.vmap(lambda inertia: inertia.as_matrix())(kin.inertia)
     if damping.link_matrix is not None:
         links = links + h * damping.link_matrix
     diagonal = dof_armature(model) + h * damping.diagonal
-    return solve_articulated(model, kin.cdof, links, diagonal, now.force)
+    return solve_articulated(model, kin.cdof, links, diagonal, force)

@@ -18,6 +18,6 @@ def integrate(model: Model, state: State, evaluate: Evaluate) -> Step:
         return semi_implicit(model, state, now, now.qacc)
     kin, vel = now.motion.kin, now.motion.vel
     damping = smooth_damping(model, kin, vel, state.qvel, now.actuation)
-    qacc = solve_damped(model, now, damping)
+    qacc = solve_damped(model, now, damping, now.force)
     qacc = solve_free_bodies(model, kin, state.qvel, damping, now.force, qacc)
     return semi_implicit(model, state, now, qacc)
