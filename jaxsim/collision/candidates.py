@@ -15,7 +15,7 @@ import numpy as np
 
 from jaxsim.collision.contact import ContactKind, SlotRange
 from jaxsim.collision.table import PAIRS
-from jaxsim.collision.unsupported import unsupported_pairs
+from jaxsim.collision.unsupported import is_supported, unsupported_pairs
 from jaxsim.model.errors import ModelError
 from jaxsim.model.facts import fact
 from jaxsim.model.names import Names
@@ -146,9 +146,14 @@ def model_candidates(model: Any) -> Candidates:
 
 @fact()
 def pair_groups(model: Any) -> tuple[PairGroup, ...]:
-    """All candidate pairs, ordered by kind, then by types, then by geoms; errors as there."""
-    names = Names.from_mujoco(model) if isinstance(model, mujoco.MjModel) else model.names
+    """All candidate pairs, ordered by kind, then by types, then by geoms; errors as there.
+
+    A model that was loaded so drops pairs that no function handles.
+    """
     rows = candidate_pairs(model)
+    if getattr(model, "drops_pairs", False):
+        return _grouped(model, rows[is_supported(model, rows)])
+    names = Names.from_mujoco(model) if isinstance(model, mujoco.MjModel) else model.names
     raise_problems(unsupported_pairs(model, rows, names.label))
     return _grouped(model, rows)
 

@@ -9,11 +9,18 @@ from jaxsim.collision.table import PAIRS, supported_pairs, type_name
 from jaxsim.model.names import Label
 from jaxsim.model.problems import Problem
 
+_NAMED = 10  # so many pairs are named
 # No filter applies to an explicit <pair>.
 _REMEDIES = (
     "set contype and conaffinity to 0 on one of them or add an <exclude> for their bodies",
     "remove their <pair>",
 )
+
+
+def is_supported(model: Any, rows: np.ndarray) -> np.ndarray:
+    """Whether a function handles the shapes of candidate pairs, (n,)."""
+    types = np.asarray(model.geom_type)[rows[:, :2]].tolist()
+    return np.array([tuple(pair) in PAIRS for pair in types], bool)
 
 
 def unsupported_pairs(model: Any, rows: np.ndarray, label: Label) -> Iterator[Problem]:
@@ -33,3 +40,11 @@ def unsupported_pairs(model: Any, rows: np.ndarray, label: Label) -> Iterator[Pr
                 f"{type_name(types[0])} and {type_name(types[1])} may collide, but the supported "
                 f"pairs of shapes are {supported_pairs()}; {_REMEDIES[explicit]}",
             )
+
+
+def dropped_pairs(model: Any, rows: np.ndarray, label: Label) -> str:
+    """Which candidate pairs are left out, in words; empty if none is."""
+    rows = rows[~is_supported(model, rows)]
+    pairs = [" and ".join(label("geom", int(geom)) for geom in row[:2]) for row in rows[:_NAMED]]
+    more = [f"{len(rows) - _NAMED} more"] if len(rows) > _NAMED else []
+    return ", ".join([*pairs, *more])

@@ -2,6 +2,7 @@
 
 import copy
 import dataclasses
+import warnings
 from typing import Any
 
 import jax
@@ -10,7 +11,7 @@ import mujoco
 import numpy as np
 
 from jaxsim.collision.candidates import candidate_pairs
-from jaxsim.collision.unsupported import unsupported_pairs
+from jaxsim.collision.unsupported import dropped_pairs, unsupported_pairs
 from jaxsim.io.frames import effective_frames
 from jaxsim.io.physical import impossible
 from jaxsim.io.singular import check_mass_matrix
@@ -27,11 +28,12 @@ _STATIC_OPTIONS = (
 _STATIC = {f.name for f in dataclasses.fields(Model) if not f.metadata.get("pytree_node", True)}
 
 
-def build(mj: mujoco.MjModel) -> Model:
+def build(mj: mujoco.MjModel, drop_pairs: bool = False) -> Model:
     """Convert a compiled model.
 
     Args:
       mj: a model compiled by MuJoCo.
+      drop_pairs: whether geoms that no function can collide pass through each other.
 
     Returns:
       The model, its numbers in JAX's default float type.
@@ -40,19 +42,23 @@ def build(mj: mujoco.MjModel) -> Model:
       ModelError: the model asks for something that is not supported, or its physics is invalid.
     """
     names = Names.from_mujoco(mj)
+    pairs = candidate_pairs(mj)
     raise_problems(
         [
             *unsupported(mj, names.label),
-            *unsupported_pairs(mj, candidate_pairs(mj), names.label),
+            *([] if drop_pairs else unsupported_pairs(mj, pairs, names.label)),
             *impossible(mj, names.label),
         ]
     )
     check_mass_matrix(mj, names.label)
+    if dropped := dropped_pairs(mj, pairs, names.label):
+        warnings.warn(f"these pairs of geoms pass through each other: {dropped}", stacklevel=3)
     structure = Structure(
         sizes={name: int(getattr(mj, name)) for name in SIZES},
         arrays={name: _static_array(mj, name) for name in ARRAYS},
         names=names,
         source=copy.copy(mj),
+        drops_pairs=drop_pairs,
     )
     fields = {f.name for f in dataclasses.fields(Model)} - _STATIC - {"opt", "stat"}
     leaves = {name: getattr(mj, name) for name in sorted(fields)} | effective_frames(mj)

@@ -24,6 +24,7 @@ def load(
     hessian: str = "auto",
     rotations: str = "lie",
     contact: str = "mujoco",
+    unsupported_pairs: str = "error",
 ) -> Model:
     """Load a model.
 
@@ -39,6 +40,8 @@ def load(
       rotations: what RK4 averages of ball and free joints: "lie", rates of rotation vectors, which
         has fourth order, or "mujoco", angular velocities as MuJoCo does, which has second order.
       contact: law of contact, a name in `jaxsim.constraint.laws.LAWS`.
+      unsupported_pairs: what becomes of geoms that may collide and whose shapes cannot: "error", or
+        "drop": they pass through each other, and a warning names them.
 
     Returns:
       The model, its numbers in JAX's default float type.
@@ -56,8 +59,10 @@ def load(
         raise ValueError(f"rotations must be lie or mujoco, got {rotations!r}")
     if contact not in LAWS:
         raise ValueError(f"contact must be one of {', '.join(LAWS)}, got {contact!r}")
+    if unsupported_pairs not in ("error", "drop"):
+        raise ValueError(f"unsupported_pairs must be error or drop, got {unsupported_pairs!r}")
     mj = compile_mujoco(source)
-    model = build(mj)
+    model = build(mj, drop_pairs=unsupported_pairs == "drop")
     budget = contact_budget(mj, model, max_geom_pairs, max_contacts)
     model = model.replace(hessian=hessian, rotations=rotations, contact=contact)
     return model.replace(max_geom_pairs=budget[0], max_contacts=budget[1])

@@ -54,6 +54,9 @@ def impossible(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
     yield from _not_finite(mj, label)
     if not mj.opt.timestep > 0:
         yield Problem("option", f"timestep must be positive, got {mj.opt.timestep:g}")
+    for medium in ("density", "viscosity"):
+        if getattr(mj.opt, medium) < 0:
+            yield Problem("option", f"{medium} must not be negative")
     for field in _NOT_NEGATIVE:
         for i in rows(getattr(mj, field) < 0):
             yield Problem(

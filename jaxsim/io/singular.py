@@ -32,10 +32,22 @@ def check_mass_matrix(mj: mujoco.MjModel, label: Label) -> None:
 
 
 def _mass_matrix(mj: mujoco.MjModel) -> np.ndarray:
+    """`sum_b m J_b^T J_b + W_b^T I_b W_b` over all bodies, plus what MuJoCo adds to the diagonal.
+
+    MuJoCo's own matrix leaves out what it takes for zero in bodies that it calls simple; of two
+    slides along one axis that is wrong.
+    """
     data = mujoco.MjData(mj)
     mujoco.mj_kinematics(mj, data)
     mujoco.mj_comPos(mj, data)
     mujoco.mj_makeM(mj, data)
-    matrix = np.zeros((mj.nv, mj.nv))
+    matrix, moving, turning = (np.zeros((n, mj.nv)) for n in (mj.nv, 3, 3))
     mujoco.mj_fullM(mj, data, matrix)
+    diagonal = matrix.diagonal().copy()
+    matrix[:] = 0
+    for b in np.nonzero(mj.body_mass)[0]:
+        mujoco.mj_jacBodyCom(mj, data, moving, turning, b)
+        turned = data.ximat[b].reshape(3, 3).T @ turning
+        matrix += mj.body_mass[b] * moving.T @ moving + turned.T * mj.body_inertia[b] @ turned
+    np.fill_diagonal(matrix, diagonal)
     return matrix

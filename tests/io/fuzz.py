@@ -163,7 +163,7 @@ class Comparison:
 
 def _beyond_float64(mj: mujoco.MjModel) -> bool:
     heaviest = HEAVIEST * mj.dof_M0.min(initial=np.inf)
-    lengths = np.concatenate([mj.body_pos, mj.geom_pos, mj.geom_size])
+    lengths = np.concatenate([mj.body_pos, mj.geom_pos, mj.geom_size, mj.eq_data[:, :3]])
     return mj.dof_M0.max(initial=0) > heaviest or np.abs(lengths).max() > FARTHEST
 
 

@@ -71,6 +71,13 @@ def test_timestep_must_be_positive(timestep):
     _refused(mj, "option: timestep must be positive, got")
 
 
+@pytest.mark.parametrize("medium", ["density", "viscosity"])
+def test_a_medium_must_not_be_negative(medium):
+    mj = mujoco.MjModel.from_xml_string(XML)
+    setattr(mj.opt, medium, -0.1)
+    _refused(mj, f"option: {medium} must not be negative")
+
+
 def test_gravity_must_be_finite():
     mj = mujoco.MjModel.from_xml_string(XML)
     mj.opt.gravity[1] = np.nan
@@ -91,6 +98,14 @@ def test_joints_that_undo_each_other_are_refused():
     xml = xml.format("".join(slides))
     _refused(xml.format(*4 * [""]), "joint 'j0': the mass matrix is singular at qpos0; remove")
     assert load(xml.format(*4 * ['armature="1"'])).nv == 4
+
+
+def test_slides_along_one_axis_are_refused():
+    """MuJoCo takes the mass matrix of such a body for diagonal."""
+    xml = """<mujoco><worldbody><body><geom size="1"/><joint name="j" type="slide" axis="1 0 0"/>
+      <joint type="slide" axis="1 0 0" {}/></body></worldbody></mujoco>"""
+    _refused(xml.format(""), "joint 'j': the mass matrix is singular at qpos0; remove")
+    assert load(xml.format('armature="1"')).nv == 2
 
 
 AXES = ("1 0 0", "0 1 0", "0 0 1", "1 1 0")

@@ -190,3 +190,34 @@ def _refused(source, message: str):
     text = str(caught.value)
     assert "\n" not in text
     assert not text.endswith(".")
+
+
+CROWD = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/>
+  <body pos="0 0 .09"><freejoint/><geom name="one" type="cylinder" size=".1 .1"/></body>
+  <body pos="0 .2 .09"><freejoint/><geom name="two" type="cylinder" size=".11 .1"/></body>
+</worldbody>{}</mujoco>"""
+
+
+def test_unsupported_pairs_are_dropped_where_that_is_asked_for(x64):
+    with pytest.raises(ModelError, match="geom 'one' and geom 'two': cylinder and cylinder may"):
+        load(CROWD.format(""))
+    with pytest.warns(UserWarning, match="pass through each other: geom 'one' and geom 'two'$"):
+        model = load(CROWD.format(""), unsupported_pairs="drop")
+    exclude = '<contact><exclude body1="a" body2="b"/></contact>'
+    without = CROWD.replace('<body pos="0 0', '<body name="a" pos="0 0')
+    without = load(without.replace('<body pos="0 .2', '<body name="b" pos="0 .2').format(exclude))
+    got, expected = (
+        quick_jit(jaxsim.forward)(m, jaxsim.make_state(m)).qacc for m in (model, without)
+    )
+    assert abs(got).max() > 1
+    np.testing.assert_array_equal(got, expected)
+
+
+def test_pairs_are_dropped_only_if_that_is_asked_for():
+    """Contacts that a flag switched off, and that come back, are no others."""
+    model = load(CROWD.format('<option><flag contact="disable"/></option>'))
+    back = model.replace(opt=model.opt.replace(disableflags=0))
+    with pytest.raises(ModelError, match="cylinder and cylinder may collide"):
+        jax.eval_shape(jaxsim.step, back, jaxsim.make_state(model))
+    with pytest.raises(ValueError, match="unsupported_pairs must be error or drop, got 'ignore'"):
+        load(CROWD, unsupported_pairs="ignore")
