@@ -86,6 +86,7 @@ def _rows(result: Result, command: str) -> dict[str, str]:
         "steps": f"{last['steps']:,.0f}",
         "time, with compilation": f"{last['seconds']:.1f} s",
         "diverged environments": f"{sum(r['nonfinite'] for r in result.history):,.0f}",
+        "steps that lost contacts": f"{sum(r['lost_contacts'] for r in result.history):,.0f}",
         "checkpoints and logs": str(result.directory),
         "go on with": command,
     }

@@ -56,8 +56,8 @@ class Algorithm(abc.ABC):
 
         Returns:
           The learner and the actors afterwards, and scalars, among them "episode_return" and
-          "episode_length" (means over the episodes that ended, NaN for none) and "nonfinite"
-          (environments that were reset because of a NaN).
+          "episode_length" (means over the episodes that ended, NaN for none) and the counts of
+          `jaxsim.rl.parts.collect.Episodes`.
         """
 
     @abc.abstractmethod

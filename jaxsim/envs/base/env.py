@@ -29,8 +29,10 @@ from flax import struct
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from jaxsim.arrays.precision import full_precision
+from jaxsim.engine.status import Status
 from jaxsim.envs.base.advance import advance
 from jaxsim.envs.base.moment import Moment
+from jaxsim.envs.base.solves import Solves
 from jaxsim.model import Model, State
 
 
@@ -47,6 +49,7 @@ class EnvState:
       metrics: terms of the reward and the like; the same keys after reset and step.
       info: what is carried to the next step by the task and by wrappers; the same keys after reset
         and step.
+      solves: how the solves of the step went; None where an environment does not tell.
     """
 
     state: State
@@ -56,6 +59,7 @@ class EnvState:
     truncated: Bool[Array, ""]
     metrics: dict[str, Array]
     info: dict[str, Any]
+    solves: Solves | None = None
 
     @property
     def done(self) -> Bool[Array, ""]:
@@ -201,6 +205,7 @@ class Task(Env):
             truncated=jnp.zeros((), bool),
             metrics=jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), terms),
             info=jax.tree.map(jnp.asarray, info),
+            solves=Solves.of(Status.empty(state.qpos.dtype)),
         )
 
     @full_precision
@@ -218,6 +223,7 @@ class Task(Env):
             truncated=jnp.zeros((), bool),
             metrics=metrics,
             info={**state.info, **jax.tree.map(jnp.asarray, self.info(now))},
+            solves=Solves.of(found.status),
         )
 
     def _outcome(self, before, now: Moment, action):

@@ -16,7 +16,7 @@ class AutoReset(Wrapper):
     """Starts a new episode, at random, in the step in which one ends.
 
     `obs`, `state` and the inner `info` are then those of the new episode; reward, `terminated`,
-    `truncated` and metrics still are those of the step that ended the old one, and
+    `truncated`, metrics and solves still are those of the step that ended the old one, and
     `info["terminal_obs"]` holds its last observation (between episodes: the current one).
 
     A step that has `diverged` ends its episode too: `terminated`, reward 0, metrics 0 except
@@ -53,6 +53,7 @@ class AutoReset(Wrapper):
                 "reset_key": rest,
                 "terminal_obs": jnp.where(broken, fresh.obs, after.obs),
             },
+            solves=after.solves,
         )
 
 

@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxsim.batching import vmap
 from jaxsim.envs import Env, EnvState
+from jaxsim.envs.base import Solves
 from jaxsim.parallel.chunks import even_lanes
 from jaxsim.parallel.devices import AXIS
 
@@ -55,19 +56,23 @@ class Experience:
 
 @struct.dataclass
 class Episodes:
-    """Sums over the episodes that ended, and over environments that had to be repaired.
+    """Sums over the episodes that ended, and over steps in which something went wrong.
 
     Attributes:
       returns: sum of the returns.
       lengths: sum of the lengths in steps.
       count: number of episodes.
       nonfinite: number of environments that were reset because of a NaN or an infinity.
+      lost_contacts: number of steps in which contacts found no slot.
+      unconverged: number of steps in which a solve ran out of iterations.
     """
 
     returns: Float[Array, ""]
     lengths: Float[Array, ""]
     count: Float[Array, ""]
     nonfinite: Float[Array, ""]
+    lost_contacts: Float[Array, ""]
+    unconverged: Float[Array, ""]
 
     def metrics(self) -> dict[str, Array]:
         """Means over the episodes of all devices; NaN if none has ended."""
@@ -77,6 +82,8 @@ class Episodes:
             "episode_length": total.lengths / total.count,
             "episodes": total.count,
             "nonfinite": total.nonfinite,
+            "lost_contacts": total.lost_contacts,
+            "unconverged": total.unconverged,
         }
 
 
@@ -86,7 +93,7 @@ Act = Callable[[Float[Array, "n obs"], Any], tuple[Float[Array, "n nu"], Any]]
 
 def start_actors(env: Env, keys) -> Actors:
     """Reset one environment for each key."""
-    state = vmap(env.reset)(keys)
+    state = vmap(env.reset)(keys).replace(solves=None)
     zeros = jnp.zeros_like(state.reward)
     return Actors(state, zeros, zeros.astype(int))
 
@@ -143,12 +150,29 @@ def _step(env: Env, act: Act, actors: Actors, key) -> tuple[Actors, tuple[Experi
     lengths = actors.episode_length + 1
     episodes = Episodes(
         returns=jnp.where(done, returns, 0).sum(),
-        lengths=jnp.where(done, lengths, 0).sum().astype(returns.dtype),
-        count=done.sum().astype(returns.dtype),
-        nonfinite=after.metrics["nonfinite"].sum().astype(returns.dtype),
+        lengths=_count(jnp.where(done, lengths, 0), returns),
+        count=_count(done, returns),
+        nonfinite=_count(after.metrics["nonfinite"], returns),
+        **_troubles(after.solves, returns),
     )
+    after = after.replace(solves=None)  # counted, and not carried on
     actors = Actors(after, jnp.where(done, 0, returns), jnp.where(done, 0, lengths))
     return actors, (experience, episodes)
+
+
+def _troubles(solves: Solves | None, like: Float[Array, "n"]) -> dict[str, Array]:
+    """How many solves of a batch went wrong; none where an environment does not tell."""
+    if solves is None:
+        return dict.fromkeys(("lost_contacts", "unconverged"), jnp.zeros((), like.dtype))
+    return {
+        "lost_contacts": _count(solves.lost_contacts > 0, like),
+        "unconverged": _count(solves.unconverged, like),
+    }
+
+
+def _count(which: Array, like: Float[Array, "n"]) -> Float[Array, ""]:
+    """The sum, in the type of `like`."""
+    return which.sum().astype(like.dtype)
 
 
 def _join_chunks(x):

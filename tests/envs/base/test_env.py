@@ -133,3 +133,27 @@ def test_a_file_in_the_working_directory_is_no_task(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "fast").write_text("<mujoco/>")
     assert load_asset("fast", hessian="dense").nv > 0  # an argument of its own: not yet loaded
+
+
+@struct.dataclass(kw_only=True)
+class Two(Balance):
+    """Two balls that touch the floor, and one slot for their contacts."""
+
+    def start(self, key):
+        return jaxsim.make_state(self.model)
+
+
+def test_a_step_tells_how_its_solves_went(key):
+    ball = '<body pos="{} 0 .0999"><joint type="slide" axis="0 0 1"/><geom size=".1"/></body>'
+    model = jaxsim.load(
+        f"""<mujoco><worldbody><geom type="plane" size="1 1 1"/>{ball.format(0)}{ball.format(1)}
+        </worldbody></mujoco>""",
+        max_contacts=1,
+    )
+    env = Two(model=model)
+    first = env.reset(key)
+    assert (first.solves.lost_contacts, first.solves.unconverged) == (0, False)
+    after = quick_jit(env.step)(first, jnp.zeros(0))
+    assert (after.solves.lost_contacts, after.solves.unconverged) == (1, False)
+    hasty = env.with_model(model.replace(opt=model.opt.replace(iterations=0)))
+    assert quick_jit(hasty.step)(first, jnp.zeros(0)).solves.unconverged

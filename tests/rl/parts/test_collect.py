@@ -4,9 +4,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from flax import struct
 from jax.sharding import Mesh, PartitionSpec
 
 from jaxsim import envs
+from jaxsim.envs import Wrapper
+from jaxsim.envs.base import Solves
 from jaxsim.parallel.devices import device_mesh, parallel
 from jaxsim.rl.parts import collect as module
 from jaxsim.rl.parts.collect import collect, start_actors
@@ -93,3 +96,25 @@ def test_metrics_are_means_over_the_episodes_of_all_devices(env, keys):
     on_one = parallel(part, one, PartitionSpec("batch"), PartitionSpec())(keys)
     for name, value in on_one.items():
         np.testing.assert_allclose(on_two[name], value, rtol=1e-5)
+
+
+@struct.dataclass
+class Crowded(Wrapper):
+    """Contacts are lost, and solves run out, far to the right."""
+
+    def reset(self, key):
+        return self.told(self.env.reset(key))
+
+    def step(self, state, action):
+        return self.told(self.env.step(state, action))
+
+    def told(self, state):
+        far = state.obs[0] > 0.3
+        return state.replace(solves=Solves(jnp.where(far, 7, 0), far))
+
+
+def test_steps_in_which_solves_went_wrong_are_counted(keys, monkeypatch):
+    env = envs.AutoReset(Crowded(envs.make("fast")))
+    _, seen, episodes = run(env, keys, 2, monkeypatch)
+    far = (seen.next_obs[..., 0] > 0.3).sum()
+    assert episodes.lost_contacts == episodes.unconverged == far > 0
