@@ -19,7 +19,7 @@ from jaxtyping import Array, Float
 
 from jaxsim.collision.frames import smallest_length
 from jaxsim.collision.shapes import Shape
-from jaxsim.collision.table import BOX, CAPSULE, CYLINDER, ELLIPSOID, PLANE, SPHERE
+from jaxsim.collision.table import BOX, CAPSULE, CYLINDER, ELLIPSOID, MESH, PLANE, SPHERE
 
 Number = Float[Array, ""]
 Vector = Sequence[Number] | Float[Array, "3"]
@@ -50,6 +50,7 @@ HALF_WIDTH: dict[int, Callable[[Shape, Vector], Number]] = {
     ELLIPSOID: _ellipsoid,
     CYLINDER: _cylinder,
     BOX: _box,
+    MESH: _box,
 }
 # Columns of a shape's rotation that are normals of flat faces.
 FACES: dict[int, tuple[int, ...]] = {CYLINDER: (2,), BOX: (0, 1, 2)}

@@ -8,6 +8,7 @@ the same record.
 
 import dataclasses
 import functools
+from collections.abc import Sequence
 from typing import Any
 
 import jax
@@ -20,10 +21,11 @@ from jaxsim.arrays.indexing import Index, gather
 from jaxsim.collision.bounds import distance_bound
 from jaxsim.collision.candidates import Candidates, PairGroup
 from jaxsim.collision.contact import Contact
+from jaxsim.collision.hulls import Hulls, NoHulls
 from jaxsim.collision.parameters import contact_margin, contact_parameters
 from jaxsim.collision.selection import within_reach
 from jaxsim.collision.shapes import Contacts, Shape
-from jaxsim.collision.table import PAIRS
+from jaxsim.collision.table import MESH, PAIRS
 
 # Where not more pairs than so many times the candidates can be made of their geoms, bounds of all
 # of them are computed: numbers of each geom are then read in order, once, and not gathered for each
@@ -94,7 +96,7 @@ def _evaluate(
         chosen, lost = within_reach(excess, count)
         ids = tuple(_take_ids(i, chosen) for i in ids)
     entry = PAIRS[group.types]
-    contacts = jax.vmap(entry.function)(_take(shapes, ids[0]), _take(shapes, ids[1]))
+    contacts = _contacts(model, group, shapes, ids[:2])
     frame = jax.vmap(lambda c: c.frame)(contacts)
 
     def of_slots(x):
@@ -103,6 +105,23 @@ def _evaluate(
 
     geometry = jax.tree.map(of_slots, (contacts, frame))
     return _Slots(*geometry, *(i.repeat(entry.max_contacts) for i in ids)), lost
+
+
+def _contacts(model: Any, group: PairGroup, shapes: Shape, geoms: Sequence[Index]) -> Contacts:
+    """The contacts of pairs of geoms that are some of a group's."""
+    tables = [
+        Hulls(model, of_group, shapes.pos.dtype) if kind == MESH else NoHulls()
+        for kind, of_group in zip(group.types, (group.geom1, group.geom2), strict=True)
+    ]
+
+    def contacts(*posed: tuple[Shape, Any]) -> Contacts:
+        pair = zip(tables, posed, strict=True)
+        return PAIRS[group.types].function(
+            *(shape.replace(hull=table.hull(row)) for table, (shape, row) in pair)
+        )
+
+    pair = zip(tables, geoms, strict=True)
+    return jax.vmap(contacts)(*((_take(shapes, i), table.rows(i)) for table, i in pair))
 
 
 def _distance_bounds(group: PairGroup, shapes: Shape) -> Float[Array, "n"]:

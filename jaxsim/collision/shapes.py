@@ -6,12 +6,33 @@ Nothing here knows about robots, bodies or models.
 import jax
 import jax.numpy as jnp
 from flax import struct
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from jaxsim.collision.frames import contact_frame
 
 # Distance of a slot that holds no contact: finite, and beyond any margin.
 INACTIVE = 1e6
+
+
+@struct.dataclass
+class Hull:
+    """The convex hull of a mesh, in units of the shape's size.
+
+    Meshes of different size are padded by repeating the first corner and the first face, and in
+    each face the last corner.
+
+    Attributes:
+      corner: positions in the shape's axes.
+      normal: outward normals of the faces; of any length.
+      faces: corners around each face of all hulls, counterclockwise seen from outside. One of them
+        is needed, so the others are not gathered.
+      row: which of these hulls it is.
+    """
+
+    corner: Float[Array, "v 3"]
+    normal: Float[Array, "f 3"]
+    faces: Float[Array, "h f p 3"]
+    row: Int[Array, ""]
 
 
 @struct.dataclass
@@ -23,17 +44,26 @@ class Shape:
       mat: rotation from the shape's axes to world axes; a plane's normal and the axis of a capsule
         or cylinder are its third column.
       size: MuJoCo's `geom_size`: radius (sphere), radius and half-length (capsule, cylinder),
-        half-lengths (box), semi-axes (ellipsoid); a plane is infinite and ignores it.
+        half-lengths (box), semi-axes (ellipsoid); X
+      hull: of a mesh.
     """
 
     pos: Float[Array, "3"]
     mat: Float[Array, "3 3"]
     size: Float[Array, "3"]
+    hull: Hull | None = None
 
     @property
     def axis(self) -> Float[Array, "3"]:
         """The third axis: normal of a plane, axis of symmetry of a capsule or cylinder."""
         return self.mat[:, 2]
+
+    @property
+    def corners(self) -> Float[Array, "v 3"]:
+        """Of a mesh, in the shape's axes."""
+        if self.hull is None:
+            raise ValueError("the shape of a mesh needs a hull")
+        return self.hull.corner * self.size[None]
 
 
 @struct.dataclass

@@ -9,6 +9,15 @@ from collections.abc import Callable
 
 import mujoco
 
+from jaxsim.collision.convex import (
+    Box,
+    Cylinder,
+    Ellipsoid,
+    Point,
+    Polytope,
+    Segment,
+    convex_pair,
+)
 from jaxsim.collision.pairs.box import capsule_box, sphere_box
 from jaxsim.collision.pairs.box_box import box_box
 from jaxsim.collision.pairs.capsule import capsule_capsule, sphere_capsule, sphere_sphere
@@ -18,6 +27,7 @@ from jaxsim.collision.pairs.plane import (
     plane_capsule,
     plane_cylinder,
     plane_ellipsoid,
+    plane_mesh,
     plane_sphere,
 )
 from jaxsim.collision.shapes import Contacts, Shape
@@ -29,6 +39,7 @@ CAPSULE = int(mujoco.mjtGeom.mjGEOM_CAPSULE)
 ELLIPSOID = int(mujoco.mjtGeom.mjGEOM_ELLIPSOID)
 CYLINDER = int(mujoco.mjtGeom.mjGEOM_CYLINDER)
 BOX = int(mujoco.mjtGeom.mjGEOM_BOX)
+MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,6 +56,7 @@ PAIRS: dict[tuple[int, int], PairFunction] = {
     (PLANE, ELLIPSOID): PairFunction(plane_ellipsoid, 1),
     (PLANE, CYLINDER): PairFunction(plane_cylinder, 4),
     (PLANE, BOX): PairFunction(plane_box, 4),
+    (PLANE, MESH): PairFunction(plane_mesh, 4),
     (SPHERE, SPHERE): PairFunction(sphere_sphere, 1),
     (SPHERE, CAPSULE): PairFunction(sphere_capsule, 1),
     (SPHERE, CYLINDER): PairFunction(sphere_cylinder, 1),
@@ -52,6 +64,20 @@ PAIRS: dict[tuple[int, int], PairFunction] = {
     (CAPSULE, CAPSULE): PairFunction(capsule_capsule, 2),
     (CAPSULE, BOX): PairFunction(capsule_box, 2),
     (BOX, BOX): PairFunction(box_box, 8),
+    (SPHERE, ELLIPSOID): PairFunction(*convex_pair(Point, Ellipsoid)),
+    (SPHERE, MESH): PairFunction(*convex_pair(Point, Polytope)),
+    (CAPSULE, ELLIPSOID): PairFunction(*convex_pair(Segment, Ellipsoid)),
+    (CAPSULE, CYLINDER): PairFunction(*convex_pair(Segment, Cylinder)),
+    (CAPSULE, MESH): PairFunction(*convex_pair(Segment, Polytope)),
+    (ELLIPSOID, ELLIPSOID): PairFunction(*convex_pair(Ellipsoid, Ellipsoid)),
+    (ELLIPSOID, CYLINDER): PairFunction(*convex_pair(Ellipsoid, Cylinder)),
+    (ELLIPSOID, BOX): PairFunction(*convex_pair(Ellipsoid, Box)),
+    (ELLIPSOID, MESH): PairFunction(*convex_pair(Ellipsoid, Polytope)),
+    (CYLINDER, CYLINDER): PairFunction(*convex_pair(Cylinder, Cylinder)),
+    (CYLINDER, BOX): PairFunction(*convex_pair(Cylinder, Box)),
+    (CYLINDER, MESH): PairFunction(*convex_pair(Cylinder, Polytope)),
+    (BOX, MESH): PairFunction(*convex_pair(Box, Polytope)),
+    (MESH, MESH): PairFunction(*convex_pair(Polytope, Polytope)),
 }
 
 

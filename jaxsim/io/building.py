@@ -13,6 +13,7 @@ import numpy as np
 from jaxsim.collision.candidates import candidate_pairs
 from jaxsim.collision.unsupported import dropped_pairs, unsupported_pairs
 from jaxsim.io.frames import effective_frames
+from jaxsim.io.hulls import flat_meshes, hull_tables
 from jaxsim.io.physical import impossible
 from jaxsim.io.singular import check_mass_matrix
 from jaxsim.io.supported import unsupported
@@ -48,6 +49,7 @@ def build(mj: mujoco.MjModel, drop_pairs: bool = False) -> Model:
             *unsupported(mj, names.label),
             *([] if drop_pairs else unsupported_pairs(mj, pairs, names.label)),
             *impossible(mj, names.label),
+            *flat_meshes(mj, names.label),
         ]
     )
     check_mass_matrix(mj, names.label)
@@ -55,7 +57,7 @@ def build(mj: mujoco.MjModel, drop_pairs: bool = False) -> Model:
         warnings.warn(f"these pairs of geoms pass through each other: {dropped}", stacklevel=3)
     structure = Structure(
         sizes={name: int(getattr(mj, name)) for name in SIZES},
-        arrays={name: _static_array(mj, name) for name in ARRAYS},
+        arrays={name: _static_array(mj, name) for name in ARRAYS} | hull_tables(mj, names.label),
         names=names,
         source=copy.copy(mj),
         drops_pairs=drop_pairs,

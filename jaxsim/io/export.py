@@ -42,6 +42,7 @@ def to_mujoco(model: Model, state: State | None = None, ctrl: Float[Array, "nu"]
     """
     mj = copy.copy(model.structure.source)
     _check_simple_bodies(model, mj)
+    _check_meshes(model, mj)
     moved = any(not np.array_equal(getattr(mj, n), _numbers(model, n)) for n in _BOXES)
     for record, target in ((model, mj), (model.opt, mj.opt), (model.stat, mj.stat)):
         for field in dataclasses.fields(record):
@@ -94,4 +95,14 @@ def _check_simple_bodies(model: Model, mj: mujoco.MjModel) -> None:
         raise ModelError(
             f"{model.names.label('body', int(body))}: its centre of mass or inertial axes have "
             "left the body's frame, which MuJoCo has compiled in; change the MJCF instead"
+        )
+
+
+def _check_meshes(model: Model, mj: mujoco.MjModel) -> None:
+    """MuJoCo's collision has a mesh's own vertices, which its size does not scale."""
+    changed = ~np.isclose(_numbers(model, "geom_size"), mj.geom_size, 1e-6, 0).all(axis=1)
+    for geom in np.nonzero(changed & (mj.geom_type == mujoco.mjtGeom.mjGEOM_MESH))[0]:
+        raise ModelError(
+            f"{model.names.label('geom', int(geom))}: the size of its mesh has changed, which "
+            "MuJoCo has compiled in; change the scale in the MJCF instead"
         )

@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-from pair_sizes import SIZES
+from pair_sizes import WEDGE, geom
 
 MARGIN = 0.03
 
@@ -18,11 +18,10 @@ def two_geoms():
     """Function from two geom types to a model: a mocap body and a free body with one geom each."""
 
     def build(type1: str, type2: str) -> mujoco.MjModel:
-        geoms = [
-            f'<geom type="{t}" size="{SIZES[t]}" margin="{MARGIN / 2}"/>' for t in (type1, type2)
-        ]
+        geoms = [geom(t, MARGIN / 2) for t in (type1, type2)]
         return mujoco.MjModel.from_xml_string(
-            f"""<mujoco><worldbody><body mocap="true">{geoms[0]}</body>
+            f"""<mujoco><asset><mesh name="wedge" vertex="{WEDGE}"/></asset>
+            <worldbody><body mocap="true">{geoms[0]}</body>
             <body><freejoint/>{geoms[1]}</body></worldbody></mujoco>"""
         )
 

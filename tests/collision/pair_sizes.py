@@ -1,4 +1,16 @@
-"""Sizes of the shapes that pairs are tested with, as MJCF has them."""
+"""Shapes that pairs are tested with, sizes as in MJCF, and both geoms of a pair as arrays."""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from oracle import quick_jit
+
+import jaxsim
+from jaxsim.collision import PAIRS, Hull, Shape
+from jaxsim.collision.table import type_name
+from jaxsim.io.hulls import hull_tables
 
 SIZES = {
     "plane": "1 1 1",
@@ -8,3 +20,49 @@ SIZES = {
     "cylinder": "0.09 0.12",
     "box": "0.08 0.11 0.14",
 }
+# A wedge with a ridge: faces of three and of four corners.
+WEDGE = "-.1 -.12 -.05  .1 -.12 -.05  .1 .12 -.05  -.1 .12 -.05  0 .1 .1  0.02 -.1 .1"
+
+ALL = [(type_name(a), type_name(b)) for a, b in PAIRS]
+# Pairs without a closed form.
+GENERAL = [
+    names
+    for names, entry in zip(ALL, PAIRS.values(), strict=True)
+    if entry.function.__module__ == "jaxsim.collision.convex.contacts"
+]
+
+
+def geom(name, margin=0.0):
+    """MJCF of a geom."""
+    size = 'mesh="wedge"' if name == "mesh" else f'size="{SIZES[name]}"'
+    return f'<geom type="{name}" {size} margin="{margin}"/>'
+
+
+def hulls(model):
+    """The hull of each geom, or None."""
+    tables = hull_tables(model, lambda kind, index: f"{kind} {index}")
+    rows = tables["geom_hull"]
+    names = "hull_corner", "hull_normal"
+    return [
+        Hull(*(tables[n][row] for n in names), tables["hull_face"], np.asarray(row, np.int32))
+        if row >= 0
+        else None
+        for row in rows
+    ]
+
+
+@functools.cache
+def values(names):
+    """Batched function of positions, rotations, sizes and hulls: distances, points, normals."""
+    function = PAIRS[next(k for k in PAIRS if tuple(map(type_name, k)) == names)].function
+
+    def evaluate(pos, mat, size, hull):
+        c = function(*(Shape(pos[i], mat[i], size[i], hull[i]) for i in range(2)))
+        return c.dist, c.pos, jnp.broadcast_to(c.normal, c.pos.shape)
+
+    return quick_jit(jaxsim.vmap(evaluate, in_axes=(0, 0, None, None)))
+
+
+def rounded(x, dtype):
+    """Floating-point leaves in another type."""
+    return jax.tree.map(lambda v: v.astype(dtype) if v.dtype.kind == "f" else v, x)

@@ -6,11 +6,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from pair_sizes import ALL, GENERAL
 
 from jaxsim.collision import INACTIVE, PAIRS, Shape
 from jaxsim.collision.table import type_name
 
-NAMES = [(type_name(a), type_name(b)) for a, b in PAIRS]
+# Those without a closed form and those of meshes have tests of their own.
+NAMES = [names for names in ALL if names not in GENERAL and "mesh" not in names]
 MARGIN = 0.03
 # Where two boxes are aligned, which corner lies on which face changes with nearly every input.
 SMOOTH_WHERE_ALIGNED = {("box", "box"): 0.3}

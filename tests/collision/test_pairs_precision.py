@@ -1,33 +1,12 @@
 """Every pair function in float32 near touching, against float64."""
 
-import functools
-
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
-from oracle import quick_jit
-from pair_sizes import SIZES
+from pair_sizes import ALL, hulls, rounded, values
 
-import jaxsim
-from jaxsim.collision import PAIRS, Shape
-from jaxsim.collision.table import type_name
-
-NAMES = [(type_name(a), type_name(b)) for a, b in PAIRS]
 TILTS = [0.0, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3]
 AXES = [[0, 0, 1], [1, 0, 0], [0, 0.6, 0.8]]
-
-
-@functools.cache
-def evaluate(names):
-    key = next(k for k in PAIRS if tuple(map(type_name, k)) == names)
-
-    def f(pos, mat, size):
-        shapes = [Shape(pos[i], mat[i], size[i]) for i in range(2)]
-        contacts = PAIRS[key].function(*shapes)
-        return contacts.dist, contacts.normal
-
-    return quick_jit(jaxsim.vmap(f, in_axes=(0, 0, None)))
 
 
 def rotation(axis, angle):
@@ -50,25 +29,20 @@ def almost_aligned(rng):
     return pos, mat
 
 
-@pytest.mark.parametrize("names", NAMES, ids="-".join)
-def test_float32_agrees_near_touching(names, rng):
+@pytest.mark.parametrize("names", ALL, ids="-".join)
+def test_float32_agrees_near_touching(names, rng, two_geoms):
     """The two are moved along their normal until they touch; numbers are rounded first."""
-    size = np.zeros((2, 3))
-    for row, name in zip(size, names, strict=True):
-        numbers = np.array(SIZES[name].split(), float)
-        row[: len(numbers)] = numbers
+    model = two_geoms(*names)
+    size, hull, f = model.geom_size, hulls(model), values(names)
     pos, mat = almost_aligned(rng)
-    f = evaluate(names)
     for _ in range(2):
-        dist, normal = jax.device_get(f(pos, mat, size))
+        dist, _, normal = jax.device_get(f(pos, mat, size, hull))
         deepest = np.argmin(dist, axis=1)[:, None]
-        normal = np.broadcast_to(normal, (*dist.shape, 3))
         normal = np.take_along_axis(normal, deepest[..., None], axis=1)[:, 0]
         pos[:, 1] -= np.take_along_axis(dist, deepest, axis=1) * normal
-    single = [x.astype(np.float32) for x in (pos, mat, size)]
-    double = [x.astype(np.float64) for x in single]
-    dist = np.min(f(*double)[0], axis=1)
+    single = rounded((pos, mat, size, hull), np.float32)
+    dist = np.min(f(*rounded(single, np.float64))[0], axis=1)
     assert np.abs(dist).max() < 2e-3
     # The float32 sum of a position and a size is rounded to 3e-8 m, and a dozen of them are added.
     np.testing.assert_allclose(np.min(f(*single)[0], axis=1), dist, atol=5e-7)
-    assert f(*map(jnp.asarray, single))[0].dtype == jnp.float32
+    assert f(*single)[0].dtype == np.float32

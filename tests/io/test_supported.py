@@ -8,6 +8,7 @@ import pytest
 from oracle import quick_jit
 
 import jaxsim
+from jaxsim.collision.table import CYLINDER, PAIRS
 from jaxsim.io import load
 from jaxsim.model import ModelError
 
@@ -198,7 +199,13 @@ CROWD = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/>
 </worldbody>{}</mujoco>"""
 
 
-def test_unsupported_pairs_are_dropped_where_that_is_asked_for(x64):
+@pytest.fixture
+def no_cylinders(monkeypatch):
+    """As if two cylinders had no pair function."""
+    monkeypatch.delitem(PAIRS, (CYLINDER, CYLINDER))
+
+
+def test_unsupported_pairs_are_dropped_where_that_is_asked_for(x64, no_cylinders):
     with pytest.raises(ModelError, match="geom 'one' and geom 'two': cylinder and cylinder may"):
         load(CROWD.format(""))
     with pytest.warns(UserWarning, match="pass through each other: geom 'one' and geom 'two'$"):
@@ -213,7 +220,7 @@ def test_unsupported_pairs_are_dropped_where_that_is_asked_for(x64):
     np.testing.assert_array_equal(got, expected)
 
 
-def test_pairs_are_dropped_only_if_that_is_asked_for():
+def test_pairs_are_dropped_only_if_that_is_asked_for(no_cylinders):
     """Contacts that a flag switched off, and that come back, are no others."""
     model = load(CROWD.format('<option><flag contact="disable"/></option>'))
     back = model.replace(opt=model.opt.replace(disableflags=0))

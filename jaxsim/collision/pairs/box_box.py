@@ -15,6 +15,8 @@ from jaxsim.collision.frames import tangent_of
 from jaxsim.collision.pairs.clipping import overlap_corners
 from jaxsim.collision.shapes import INACTIVE, Contacts, Shape
 
+# Corners of the square [-1, 1]^2, counterclockwise.
+_SQUARE = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
 # Two edges win over a face only if their separation is larger by this fraction of itself.
 EDGE_BIAS = 1e-6
 # Two edges whose axis is within 8 degrees of the best face's must be this much better, too.
@@ -130,7 +132,12 @@ class _Boxes:
         lower = centre + jnp.where(sign * w[2] > 0, -w, w)
         upwards = jnp.stack([jnp.ones_like(sign), jnp.ones_like(sign), sign])
         lower, u, v, half = lower * upwards, u * upwards, v * upwards, axes @ size
-        points, exists = overlap_corners(half[:2], lower[:2], u[:2], v[:2])
+        rectangle = jnp.asarray(_SQUARE, half.dtype) * half[None, :2]
+        turned = jnp.where(u[0] * v[1] < u[1] * v[0], -v, v)
+        parallelogram = (lower[None] + jnp.asarray(_SQUARE, half.dtype) @ jnp.stack([u, turned]))[
+            :, :2
+        ]
+        points, exists = overlap_corners(rectangle, parallelogram, jnp.max(half))
         # Height of the incident face above a point of the reference face.
         height = _height(points, lower, u, v) - half[2]
         pos = jnp.concatenate([points, (sign * (half[2] + height / 2))[:, None]], axis=1) @ axes

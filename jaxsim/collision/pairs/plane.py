@@ -1,4 +1,4 @@
-"""An infinite plane against a sphere, capsule, ellipsoid, cylinder or box.
+"""An infinite plane against a sphere, capsule, ellipsoid, cylinder, box or mesh.
 
 The normal n is the plane's third axis and points away from the solid half-space. A point x of the
 other shape has distance n . (x - p), p any point of the plane; the contact lies half-way between x
@@ -11,7 +11,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsim.collision.frames import direction, tangent_along, tangent_of, unit
-from jaxsim.collision.shapes import Contacts, Shape
+from jaxsim.collision.shapes import INACTIVE, Contacts, Shape
+from jaxsim.collision.spread import levelness, one_hot, pick, spread
 
 
 def plane_sphere(plane: Shape, sphere: Shape) -> Contacts:
@@ -70,6 +71,27 @@ def plane_box(plane: Shape, box: Shape) -> Contacts:
     lower = jnp.where((corners @ normal)[:, None] > 0, -corners, corners)
     points = box.pos[None] + lower @ box.mat.T
     return _at_points(plane, points, tangent_of(plane.axis))
+
+
+# Corners of a mesh closer to its lowest one than this, relative to its size, add nothing to that.
+_CLOSE = 0.3
+
+
+def plane_mesh(plane: Shape, mesh: Shape) -> Contacts:
+    """Up to four contacts: the lowest corner, and others below the plane or level with it."""
+    normal = mesh.mat.T @ plane.axis
+    corners = mesh.corners
+    dist = corners @ normal + plane.axis @ (mesh.pos - plane.pos)
+    lowest = one_hot(-dist)
+    apart = jnp.sqrt(jnp.sum((corners - pick(lowest, corners)[None]) ** 2, axis=1))
+    # All that is below the plane is as good.
+    above = jnp.maximum(dist, 0)
+    weight = levelness(above - jnp.min(above), apart)
+    weight = jnp.where(apart > _CLOSE * jnp.sqrt(mesh.size @ mesh.size), weight, 0)
+    chosen, exists = spread(corners, dist, weight, normal, 4)
+    points = jnp.stack([pick(mask, corners) for mask in chosen])
+    contacts = _at_points(plane, mesh.pos[None] + points @ mesh.mat.T, tangent_of(plane.axis))
+    return contacts.replace(dist=jnp.where(exists, contacts.dist, INACTIVE))
 
 
 def _at_points(plane: Shape, points: Float[Array, "k 3"], tangent: Float[Array, "3"]) -> Contacts:

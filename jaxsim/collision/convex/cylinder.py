@@ -1,0 +1,77 @@
+"""Cylinders, as the general routine sees them."""
+
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from jaxsim.collision.convex.solid import Facet, Solid
+from jaxsim.collision.frames import unit
+from jaxsim.collision.spread import COSINE, SINE
+
+# A cylinder stands on its cap, or lies on its side, up to this sine.
+LEVEL = 1e-7
+# Corners of the polygon that stands for a cap where it lies flat; MuJoCo takes as many.
+SIDES = 16
+
+
+class Cylinder(Solid):
+    """The upper rim has number 1, the lower one 0."""
+
+    curved = True
+    capped = True
+    max_contacts = 4
+
+    @property
+    def reach(self):
+        """See `Solid`."""
+        return jnp.maximum(self.size[0], self.size[1])
+
+    def support(self, d):
+        """See `Solid`."""
+        upper = (d[2] >= 0).astype(jnp.int32)
+        radial, _ = self._radial(d, jnp.zeros_like(d))
+        return self._rim(radial, upper), upper
+
+    def point(self, vertex, n):
+        """See `Solid`."""
+        # On the cap all directions are as good: the vertex stays where it is.
+        here, _ = self._radial(vertex[0], jnp.zeros_like(n))
+        radial, sine = self._radial(n, here)
+        return self._rim(jnp.where(sine > LEVEL, radial, here), vertex[1])
+
+    def bend(self, n, e):
+        """See `Solid`."""
+        radial, sine = self._radial(n, jnp.zeros_like(n))
+        along = jnp.cross(unit(2, n), radial)
+        return along * (along @ e) * (self.size[0] / jnp.maximum(sine, LEVEL))
+
+    def facet(self, n):
+        """See `Solid`."""
+        radial, _ = self._radial(n, unit(0, n))
+        # On a cap that lies flat the direction is arbitrary, and its derivative without bounds.
+        held = lax.stop_gradient(radial)
+        sideways = jnp.cross(unit(2, n), held)
+        upper = jnp.where(n[2] >= 0, 1, -1).astype(n.dtype)
+        around = np.arange(SIDES) * (2 * np.pi / SIDES)
+        circle = jnp.asarray(np.stack([np.cos(around), np.sin(around)]), n.dtype)
+        # The first corner is the furthest one along n.
+        turned = jnp.stack([circle[0], circle[1] * upper], axis=1)
+        cap = self.size[0] * (turned @ jnp.stack([held, sideways]))
+        axis = unit(2, n)
+        cap = cap + (axis * (upper * self.size[1]))[None]
+        ends = jnp.asarray(np.where(np.arange(SIDES) < SIDES // 2, 1, -1), n.dtype)
+        line = (radial * self.size[0])[None] + ends[:, None] * (axis * self.size[1])[None]
+        stands, lies = jnp.abs(n[2]) > COSINE, jnp.abs(n[2]) < SINE
+        corners = jnp.where(stands, cap, jnp.where(lies, line, cap[:1]))
+        return Facet(corners, jnp.where(stands, axis * upper, radial), stands)
+
+    def _radial(self, d, fallback):
+        across = d * jnp.array([1, 1, 0], d.dtype)
+        square = across @ across
+        regular = square > float(jnp.finfo(d.dtype).tiny)
+        length = jnp.sqrt(jnp.where(regular, square, 1))
+        return jnp.where(regular, across / length, fallback), jnp.where(regular, length, 0)
+
+    def _rim(self, radial, upper):
+        height = jnp.where(upper > 0, self.size[1], -self.size[1])
+        return radial * self.size[0] + unit(2, radial) * height

@@ -1,0 +1,49 @@
+"""The hulls of a group of geoms, looked up by row."""
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from jaxsim.arrays.indexing import Index, gather
+from jaxsim.collision.shapes import Hull
+
+
+class NoHulls:
+    """The same for geoms that are no meshes."""
+
+    def rows(self, geoms: Index) -> None:
+        """Nothing."""
+
+    def hull(self, row: None) -> None:
+        """Nothing."""
+
+
+class Hulls:
+    """Tables of the hulls of some meshes, no larger than the largest of them.
+
+    Attributes:
+      geom_hull: (ngeom,) row of each geom.
+      corner, normal, face: see `Hull`.
+    """
+
+    geom_hull: np.ndarray
+    corner: Float[Array, "h v 3"]
+    normal: Float[Array, "h f 3"]
+    face: Float[Array, "h f p 3"]
+
+    def __init__(self, model: Any, geoms: np.ndarray, dtype):
+        self.geom_hull = model.geom_hull
+        corners, faces = model.hull_size[np.unique(model.geom_hull[geoms])].max(axis=0)
+        self.corner = jnp.asarray(model.hull_corner[:, :corners], dtype)
+        self.normal = jnp.asarray(model.hull_normal[:, :faces], dtype)
+        self.face = jnp.asarray(model.hull_face[:, :faces], dtype)
+
+    def rows(self, geoms: Index) -> Index:
+        """The rows of geoms."""
+        return gather(self.geom_hull, geoms)
+
+    def hull(self, row: Int[Array, ""]) -> Hull:
+        """The hull in a row."""
+        return Hull(self.corner[row], self.normal[row], self.face, row)

@@ -1,0 +1,70 @@
+"""Flat contacts have as many points as MuJoCo's, and support as well."""
+
+import jax
+import mujoco
+import numpy as np
+import pytest
+from pair_sizes import hulls, values
+
+CASES = [("capsule", "cylinder"), ("cylinder", "cylinder"), ("cylinder", "box")]
+DEPTH = 0.002
+
+
+def turned(axis, angle):
+    quat, mat = np.zeros(4), np.zeros(9)
+    mujoco.mju_axisAngle2Quat(quat, np.asarray(axis, float), angle)
+    mujoco.mju_quat2Mat(mat, quat)
+    return mat.reshape(3, 3)
+
+
+def laid_on_each_other(rng, tilt, count=12):
+    """Rotations of both, and the direction in which the second lies on the first."""
+    sides = [turned([1, 0, 0], k * np.pi / 2) for k in range(4)]
+    sides += [turned([0, 1, 0], k * np.pi / 2) for k in (1, 3)]
+    rows = []
+    for _ in range(count):
+        axis = rng.normal(size=3)
+        common = turned(axis / np.linalg.norm(axis), rng.uniform(0, 3))
+        heading = rng.uniform(0, 2 * np.pi)
+        leaning = turned([np.cos(heading), np.sin(heading), 0], tilt)
+        spin = turned([0, 0, 1], rng.uniform(0, 6))
+        first, second = (sides[k] for k in rng.integers(6, size=2))
+        rows.append(([common @ first, common @ leaning @ spin @ second], common[:, 2]))
+    return tuple(np.array(x) for x in zip(*rows, strict=True))
+
+
+def pressed(names, mat, up, size, hull, rng):
+    """Positions at which the second is as deep in the first as `DEPTH` along that direction."""
+    pos = np.zeros((len(mat), 2, 3))
+    pos[:, 1] = 0.5 * up + rng.uniform(-0.02, 0.02, pos[:, 1].shape)
+    for _ in range(8):
+        dist = np.asarray(values(names)(pos, mat, size, hull)[0]).min(axis=1)
+        pos[:, 1] -= np.clip(dist + DEPTH, -0.05, 1)[:, None] * up
+    return pos
+
+
+@pytest.mark.parametrize("tilt", [0, 1e-6, 0.02])
+@pytest.mark.parametrize("names", CASES, ids="-".join)
+def test_number_and_depth_are_mujocos(names, tilt, rng, two_geoms, contacts_of):
+    model = two_geoms(*names)
+    size, hull = model.geom_size, hulls(model)
+    mat, up = laid_on_each_other(rng, tilt)
+    pos = pressed(names, mat, up, size, hull, rng)
+    for dtype in np.float64, np.float32:
+        found = values(names)(pos.astype(dtype), mat.astype(dtype), size.astype(dtype), hull)
+        dist, middle, _ = jax.device_get(found)
+        for i in range(len(mat)):
+            data = mujoco_data(model, contacts_of, pos[i], mat[i])
+            near = dist[i] < 0.03
+            if any(abs(c.dist - 0.03) < 1e-3 for c in data.contact):
+                continue
+            assert near.sum() == data.ncon
+            # MuJoCo's polygon for a leaning cap has no corner where that is lowest.
+            assert abs(dist[i].min() - data.contact.dist.min()) < 1e-5 + 0.05 * tilt
+
+
+def mujoco_data(model, contacts_of, pos, mat):
+    quat = np.zeros((2, 4))
+    for k in range(2):
+        mujoco.mju_mat2Quat(quat[k], mat[k].ravel())
+    return contacts_of(model, [*pos[1], *quat[1]], [*pos[0], *quat[0]])

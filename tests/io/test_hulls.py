@@ -1,0 +1,98 @@
+"""Meshes that collide: their hulls, what is refused, what costs nothing."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from oracle import quick_jit
+
+import jaxsim
+
+CUBE = "-1 -1 -1  1 -1 -1  1 1 -1  -1 1 -1  -1 -1 1  1 -1 1  1 1 1  -1 1 1"
+TETRAHEDRON = "0 0 0  1 0 0  0 1 0  0 0 1"
+
+
+def scene(geom, more="", asset=""):
+    return f"""<mujoco><option tolerance="0" iterations="100"/><asset>
+    <mesh name="cube" vertex="{CUBE}" scale=".1 .2 .15"/>
+    <mesh name="tetrahedron" vertex="{TETRAHEDRON}" scale=".3 .3 .3"/>{asset}</asset><worldbody>
+    <geom type="plane" size="5 5 1"/>
+    <body pos="0 0 .149"><freejoint/><geom name="first" {geom}/></body>{more}
+    </worldbody></mujoco>"""
+
+
+def ball(vertices):
+    points = np.random.default_rng(0).normal(size=(vertices, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    return " ".join(f"{x:.6f}" for x in points.ravel())
+
+
+def test_faces_enclose_the_corners():
+    """In units of the size: all corners are below each face, whose corners are on it in order."""
+    model = jaxsim.load(scene('type="mesh" mesh="cube"'))
+    corners, normals, faces = model.hull_corner[0], model.hull_normal[0], model.hull_face[0]
+    assert corners.shape == (8, 3)
+    assert faces.shape == (6, 4, 3)
+    np.testing.assert_allclose(np.abs(corners), 1, atol=1e-6)
+    for normal, face in zip(normals, faces, strict=True):
+        np.testing.assert_allclose(face @ normal, np.max(corners @ normal), atol=1e-6)
+        assert np.cross(face[1] - face[0], face[2] - face[1]) @ normal > 0
+
+
+def test_forward_agrees_with_mujoco(x64):
+    """A cube of a mesh on a plane, another and a tetrahedron on it: contacts and accelerations."""
+    more = """<body pos=".02 .03 .448" euler="0 0 20"><freejoint/><geom type="mesh" mesh="cube"/>
+    </body><body pos="0 0 .597"><freejoint/><geom type="mesh" mesh="tetrahedron"/></body>"""
+    model = jaxsim.load(scene('type="mesh" mesh="cube"', more))
+    _, data = jaxsim.to_mujoco(model, jaxsim.make_state(model))
+    result = quick_jit(jaxsim.forward)(model, jaxsim.make_state(model))
+    near = np.asarray(result.contact.active)
+    assert near.sum() == data.ncon
+    assert data.ncon >= 11
+    ours = np.sort(np.asarray(result.contact.dist)[near])
+    np.testing.assert_allclose(ours, np.sort(data.contact.dist), atol=1e-6)
+
+
+def test_meshes_that_do_not_collide_cost_nothing():
+    model = jaxsim.load(scene('type="mesh" mesh="cube" contype="0" conaffinity="0"'))
+    assert (model.geom_hull == -1).all()
+    assert model.hull_corner.size == model.hull_face.size == 0
+
+
+def test_large_hulls_are_named_and_maxhullvert_holds():
+    asset = f'<mesh name="ball" vertex="{ball(300)}" {{}}/>'
+    with pytest.warns(UserWarning, match="'first'.*maxhullvert"):
+        jaxsim.load(scene('type="mesh" mesh="ball"', asset=asset.format("")))
+    model = jaxsim.load(scene('type="mesh" mesh="ball"', asset=asset.format('maxhullvert="20"')))
+    assert model.hull_corner.shape[1] <= 20
+
+
+def test_size_is_the_scale_of_a_mesh(x64):
+    """Its derivative is that of the distance to the plane below."""
+    model = jaxsim.load(scene('type="mesh" mesh="cube"'))
+    state = jaxsim.make_state(model)
+    upright = int(np.argmin(np.abs(model.geom_size[1] - 0.15)))  # of the mesh's principal axes
+
+    def lowest(height):
+        size = model.geom_size.at[1, upright].set(height)
+        contact = jaxsim.forward(model.replace(geom_size=size), state).contact
+        return jnp.min(contact.dist)
+
+    value, slope = quick_jit(jax.value_and_grad(lowest))(0.2)
+    np.testing.assert_allclose([value, slope], [0.149 - 0.2, -1], atol=1e-6)
+
+
+def test_models_of_other_hulls_are_other_programs():
+    first, second = (
+        jaxsim.load(scene('type="mesh" mesh="body"', asset=f'<mesh name="body" vertex="{v}"/>'))
+        for v in (ball(20), TETRAHEDRON)
+    )
+    assert first.structure != second.structure
+    assert first.structure == jaxsim.load(first.structure.source).structure
+
+
+def test_scale_does_not_go_back_to_mujoco():
+    model = jaxsim.load(scene('type="mesh" mesh="cube"'))
+    jaxsim.to_mujoco(model)
+    with pytest.raises(jaxsim.ModelError, match="'first'.*mesh"):
+        jaxsim.to_mujoco(model.replace(geom_size=model.geom_size * 2))
