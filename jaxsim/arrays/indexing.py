@@ -12,12 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Int
 
-Index = Int[Array, "n"] | np.ndarray
+from jaxsim.arrays import tuning
 
-# Up to this many slices are concatenated; a more scattered index becomes one gather.
-_MAX_SLICES = 16
-# Sums of up to this many rows are written out, which fuses better than a reduction.
-_MAX_TERMS = 8
+Index = Int[Array, "n"] | np.ndarray
 
 
 def gather(x: jax.Array | np.ndarray, index: Index) -> Any:
@@ -52,7 +49,7 @@ def take(x: jax.Array, index: np.ndarray) -> jax.Array:
     row, times = index[first], np.diff(first, append=len(index))
     cuts = np.nonzero((np.diff(row) != 1) | (np.diff(times) != 0))[0] + 1
     runs = list(zip(np.split(row, cuts), np.split(times, cuts), strict=True))
-    if len(runs) > _MAX_SLICES:
+    if len(runs) > tuning.SLICES:
         return x.at[index].get(mode="promise_in_bounds")
     parts = [_repeated(x[r[0] : r[-1] + 1], int(n[0])) for r, n in runs if len(r)]
     return jnp.concatenate(parts) if parts else x[:0]
@@ -76,7 +73,7 @@ def sum_by(x: jax.Array, group: Index, n: int) -> jax.Array:
     size = np.bincount(group, minlength=n)
     # Runs of consecutive groups of equal size are blocks of the sorted rows.
     starts = np.concatenate([[0], np.nonzero(np.diff(size))[0] + 1, [n]]) if n else np.zeros(1, int)
-    if len(starts) > _MAX_SLICES:
+    if len(starts) > tuning.SLICES:
         return jnp.zeros((n, *x.shape[1:]), x.dtype).at[group].add(x)
     rows = np.argsort(group, kind="stable")
     parts, row = [x[:0]], 0
@@ -90,7 +87,7 @@ def sum_by(x: jax.Array, group: Index, n: int) -> jax.Array:
 def _sums(x: jax.Array, members: np.ndarray) -> jax.Array:
     """(n, ...) sums of the rows of `x` that each of n groups of equal size has."""
     n, size = members.shape
-    if size > _MAX_TERMS:
+    if size > tuning.SUMMED_ROWS:
         return take(x, members.ravel()).reshape(n, size, *x.shape[1:]).sum(1)
     if size == 0:
         return jnp.zeros((n, *x.shape[1:]), x.dtype)

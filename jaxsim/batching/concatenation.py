@@ -15,12 +15,10 @@ from jax import lax
 from jax.extend import core as jex
 from jax.interpreters import mlir
 
+from jaxsim.arrays import tuning
 from jaxsim.batching.primitives.own_kernel import fusion_barrier
 
 JOINING = "concatenate", "stack"
-# Rows that share a loop, in which the arithmetic of each is done once for every row. A cross
-# product of 4 vectors in 32 lanes takes 28 ns with three rows in one loop, and 33 with three loops.
-MAX_SELECTED = 4
 
 
 def with_parts_apart(eqn, made: set):
@@ -47,7 +45,7 @@ def _put_together(*parts, whole, first):
 
 def _selected(rows: Sequence[jax.Array], axis: int) -> list[jax.Array]:
     """Rows of length one along the axis, joined a few at a time, each time in one loop."""
-    groups = [rows[i : i + MAX_SELECTED] for i in range(0, len(rows), MAX_SELECTED)]
+    groups = [rows[i : i + tuning.SELECTED_ROWS] for i in range(0, len(rows), tuning.SELECTED_ROWS)]
     return [fusion_barrier(_select_row(group, axis)) for group in groups]
 
 

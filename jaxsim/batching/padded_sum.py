@@ -12,9 +12,8 @@ import itertools
 import jax.numpy as jnp
 from jax import lax
 
+from jaxsim.arrays import tuning
 from jaxsim.batching.lazy import Lazy
-
-MAX_CELLS = 64  # regions of a whole; beyond that, paddings are added
 
 Box = tuple[tuple[int, int], ...]  # begin and end along each axis
 
@@ -40,7 +39,7 @@ class PaddedSum(Lazy):
         """The whole."""
         whole = tuple((0, size) for size in self.shape)
         parts = [(_box(start, x.shape), x) for start, x in self.parts]
-        if _cells(parts, whole, 0) > MAX_CELLS:
+        if _cells(parts, whole, 0) > tuning.PADDED_REGIONS:
             return functools.reduce(lax.add, (_padded(box, x, self.shape) for box, x in parts))
         return _fill(parts, whole, 0)
 

@@ -19,6 +19,7 @@ from jax.experimental.xla_metadata import set_xla_metadata
 from jax.extend import core as jex
 from jax.interpreters import mlir
 
+from jaxsim.arrays import tuning
 from jaxsim.batching import jaxprs, registry
 from jaxsim.batching.concatenation import JOINING, with_parts_apart
 from jaxsim.batching.inline import (
@@ -29,12 +30,6 @@ from jaxsim.batching.inline import (
     without_dead_code,
 )
 from jaxsim.batching.primitives.own_kernel import not_inlined
-
-# Equations of a section, those of its loops counted once: below the first the start is no matter,
-# and above the second LLVM takes longer for one function than for two, and makes nothing faster.
-MIN_EQUATIONS, MAX_EQUATIONS = 32, 800
-# A loop is better not divided: what it carries is then copied at every turn, part by part.
-MAX_LOOP = 5000
 
 PLAIN = "bool", "int8", "uint8", "int32", "uint32", "int64", "uint64", "float32", "float64"
 VIEWS = "slice", "split", "squeeze", "unstack", "reshape", "expand_dims"  # of another array
@@ -87,11 +82,11 @@ def _groups(eqns: Sequence, invariant: set) -> Iterator[tuple[list, bool]]:
     section, made, size = [], set(), 0
     for eqn in eqns:
         length = jaxprs.length([eqn])
-        limit = MAX_LOOP if eqn.primitive.name == "while" else MAX_EQUATIONS
+        limit = tuning.SECTION_LOOP if eqn.primitive.name == "while" else tuning.SECTION_MAX
         joins = length <= limit and not invariant.issuperset(eqn.outvars) and _fits(eqn)
-        full = joins and size + length > MAX_EQUATIONS
+        full = joins and size + length > tuning.SECTION_MAX
         if section and (full or (not joins and not made.isdisjoint(variables(eqn.invars)))):
-            yield section, size >= MIN_EQUATIONS
+            yield section, size >= tuning.SECTION_MIN
             section, made, size = [], set(), 0
         if joins:
             section.append(eqn)
@@ -100,7 +95,7 @@ def _groups(eqns: Sequence, invariant: set) -> Iterator[tuple[list, bool]]:
         else:
             yield [eqn], False
     if section:
-        yield section, size >= MIN_EQUATIONS
+        yield section, size >= tuning.SECTION_MIN
 
 
 def _users(jaxpr, groups: Sequence[Sequence]) -> dict:
@@ -152,7 +147,7 @@ def _is_plain(kind) -> bool:
 
 def _inner_divided(eqn):
     """The equation itself; of a long loop or branching, with its bodies in sections."""
-    if eqn.effects or jaxprs.length([eqn]) < MIN_EQUATIONS:
+    if eqn.effects or jaxprs.length([eqn]) < tuning.SECTION_MIN:
         return eqn
     return jaxprs.with_bodies(eqn, functools.partial(_divided, fixed=num_invariant_operands(eqn)))
 

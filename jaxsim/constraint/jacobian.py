@@ -19,7 +19,7 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from jaxsim.arrays.indexing import gather_or_zero, sum_by, take
-from jaxsim.batching.primitives.decisions import index_of_nth, nonzero_in_batch
+from jaxsim.batching.primitives.decisions import index_of_nth, nonzero_in_batch, serial_or_parallel
 from jaxsim.constraint.link_index import LinkIndex, add_at, items, moves
 from jaxsim.dynamics.components import Components, restrict
 from jaxsim.dynamics.motion import Motion
@@ -206,12 +206,12 @@ def add_products(
       H: what to add to.
       J: rows, one item for each contact or row.
       W: diagonal or in blocks, see `jaxsim.solver.weighed`.
-      rarely: whether few of the items push. A CPU then goes through those alone that do anywhere in
-        a batch.
+      rarely: whether few of the items push. A serial program then goes through those alone that do
+        anywhere in a batch.
     """
     if not rarely:
         return _add_all(H, J, W)
-    return lax.platform_dependent(H, J, W, cpu=_add_pushing, default=_add_all)
+    return serial_or_parallel(_add_pushing, _add_all, H, J, W)
 
 
 def _add_all(H, J, W):

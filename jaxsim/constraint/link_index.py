@@ -8,12 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, Shaped
 
+from jaxsim.arrays import tuning
 from jaxsim.arrays.indexing import Index, gather, sum_by, take
 from jaxsim.model.topology import Forest
-
-# Up to so many pairs of a row and a link, a product with the matrix that is 1 where they belong
-# together is faster than a scatter, which goes number by number.
-_MAX_CHOICES = 512
 
 
 @jax.tree_util.register_dataclass
@@ -68,7 +65,7 @@ def add_at(total: Float[Array, "njnt ..."], links: LinkIndex, x, form: Callable 
       form: linear function from a row, or a sum of rows, to an entry of `total`.
     """
     if links.traced is not None:
-        if links.traced.size * len(total) <= _MAX_CHOICES:
+        if links.traced.size * len(total) <= tuning.ONE_HOT_PAIRS:
             here = links.traced[:, None] == jnp.arange(len(total))[None]
             chosen = here.astype(total.dtype)
             sums = jax.tree.map(lambda a: jnp.einsum("nl,n...->l...", chosen, a), x)

@@ -8,11 +8,12 @@ from flax import struct
 from jax import lax
 from jaxtyping import Array, Bool, Float
 
+from jaxsim.arrays import tuning
 from jaxsim.collision import Contact
 from jaxsim.constraint.block import Block
+from jaxsim.constraint.compaction import with_compacted_contacts
 from jaxsim.constraint.contact import contact_blocks, contact_forces
 from jaxsim.constraint.equality import equality_blocks
-from jaxsim.constraint.few import with_few_contacts
 from jaxsim.constraint.friction import friction_blocks
 from jaxsim.constraint.limit import limit_blocks
 from jaxsim.constraint.operators import TreeOperator, make_operator
@@ -24,9 +25,6 @@ from jaxsim.solver import LinearStatus, Problem, SolverStatus, attach_lifted, so
 _CONSTRAINT_OFF = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
 _CONTACT_OFF = mujoco.mjtDisableBit.mjDSBL_CONTACT
 _WARMSTART_OFF = mujoco.mjtDisableBit.mjDSBL_WARMSTART
-
-# Up to this many degrees of freedom a dense factor is cheaper than conjugate gradients.
-DENSE_LIMIT = 64
 
 
 @struct.dataclass
@@ -100,7 +98,7 @@ def constrained_acceleration(
         scale=1 / (model.stat.meaninertia * max(1, model.nv)),
     )
     # `solve` stops derivatives; what comes before it need not take any either.
-    found = with_few_contacts(minimise, *lax.stop_gradient((problem, operator)))
+    found = with_compacted_contacts(minimise, *lax.stop_gradient((problem, operator)))
     y = attach_lifted(found.x, problem, operator, force)
     found = _outcome(motion, contact, blocks, operator, y, found.status)
     return _with_nan_unless(found.status.finite, found)
@@ -172,7 +170,7 @@ def choose_strategy(model: Model, blocks: list[Block]) -> str:
         return model.hessian
     if not coupled:
         return "articulated"
-    return "dense" if model.nv <= DENSE_LIMIT else "iterative"
+    return "dense" if model.nv <= tuning.DENSE_DOFS else "iterative"
 
 
 def _unconstrained_status(cost: Float[Array, ""]) -> SolverStatus:

@@ -14,12 +14,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from jaxsim.arrays import tuning
 from jaxsim.arrays.indexing import sum_by, take
 from jaxsim.model.topology import Forest, Level, Run
-
-# Nodes up to which a deep tree's sums are one product: it takes the square of so many additions,
-# but one operation instead of one for each level.
-MAX_NODES_AT_ONCE = 8
 
 
 def outward(forest: Forest, f: Callable, root: Any, nodes: Any, dofs: Any = ()) -> tuple[Any, Any]:
@@ -103,7 +100,7 @@ def accumulate_inward(forest: Forest, x: Any) -> Any:
 
 def _sums_at_once(forest: Forest) -> bool:
     """Whether all sums of a walk are better one product with a matrix than a sum for each level."""
-    return 0 < len(forest) <= MAX_NODES_AT_ONCE and len(forest.levels) > 2
+    return 0 < len(forest) <= tuning.PRODUCT_NODES and len(forest.levels) > 2
 
 
 def _products(matrix: np.ndarray, x: Any) -> Any:

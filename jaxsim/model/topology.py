@@ -10,9 +10,7 @@ import functools
 
 import numpy as np
 
-# A run of equal levels at least this long is walked by `lax.scan`, so that neither program size
-# nor compile time grow with depth; shorter ones are unrolled, which runs faster.
-MIN_SCAN = 8
+from jaxsim.arrays import tuning
 
 
 @dataclasses.dataclass(frozen=True)
@@ -198,7 +196,7 @@ def _runs(levels: tuple[Level, ...]) -> tuple[Run, ...]:
         if start == 0 or levels[start - 1].size == levels[start].size:
             while stop < len(levels) and levels[stop].repeats(levels[start]):
                 stop += 1
-        if stop - start < MIN_SCAN:
+        if stop - start < tuning.SCANNED_LEVELS:
             stop = start + 1
         runs.append(Run(start, stop))
         start = stop

@@ -7,11 +7,10 @@ from typing import Any
 import jax
 from jax import lax
 
+from jaxsim.arrays import tuning
 from jaxsim.collision import model_candidates
 from jaxsim.model import Model
 from jaxsim.parallel.cpu import keeps_loops
-
-VECTOR = 16  # numbers of a processor's vector; other lanes are left over, and slow
 
 
 @dataclasses.dataclass(frozen=True)
@@ -30,7 +29,7 @@ class Limits:
 
 # A loop over few lanes that XLA unrolls does not become vectors; one that it keeps does, and then
 # a chunk can be as small as the first-level cache wants it.
-UNROLLED, KEPT = Limits(12288, 64, 128), Limits(1536, VECTOR, 64)
+UNROLLED, KEPT = Limits(*tuning.CHUNK_UNROLLED), Limits(*tuning.CHUNK_KEPT)
 
 
 def lane_limits() -> Limits:
@@ -42,7 +41,8 @@ def chunk_lanes(model: Model) -> int:
     """How many environments of a model a CPU should step together."""
     limits = lane_limits()
     contacts = model_candidates(model).ncon
-    lanes = limits.cached_links // max(model.njnt + 2 * contacts, 1) // VECTOR * VECTOR
+    vectors = limits.cached_links // max(model.njnt + 2 * contacts, 1) // tuning.VECTOR
+    lanes = vectors * tuning.VECTOR
     return max(limits.min_lanes, min(limits.max_lanes, lanes))
 
 
@@ -53,7 +53,7 @@ def even_lanes(model: Model, count: int) -> int:
         return count
     # Short vectors cost more than a cache that is too small.
     parts = [n for n in range(lane_limits().min_lanes, limit + 1) if count % n == 0]
-    return max(parts, key=lambda n: (n % VECTOR == 0, n), default=count)
+    return max(parts, key=lambda n: (n % tuning.VECTOR == 0, n), default=count)
 
 
 def map_chunks(f: Callable, lanes: int, *trees: Any) -> Any:

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jax.sharding import Mesh
 from jaxtyping import Array, Float
 
+from jaxsim.arrays import tuning
 from jaxsim.arrays.checkpoint import checkpoint
 from jaxsim.batching.mapping import vmap
 from jaxsim.batching.memo import is_traced
@@ -18,7 +19,7 @@ from jaxsim.engine.stepping import scan_steps, step_with_status
 from jaxsim.model import Model, State
 from jaxsim.model.facts import Constants
 from jaxsim.model.inputs import admit, admit_array, admit_model
-from jaxsim.parallel.chunks import VECTOR, chunk_lanes, map_chunks
+from jaxsim.parallel.chunks import chunk_lanes, map_chunks
 from jaxsim.parallel.devices import EVERYWHERE, SPLIT, device_mesh, everywhere, parallel, split
 
 
@@ -117,7 +118,7 @@ def _chunked(f, states, ctrls, limit: int):
     """`lax.map` over equal chunks of whole vectors; the last one is filled up with copies."""
     lanes = ctrls.shape[0]
     chunks = -(-lanes // limit)
-    size = -(-lanes // (chunks * VECTOR)) * VECTOR
+    size = -(-lanes // (chunks * tuning.VECTOR)) * tuning.VECTOR
     padded = jax.tree.map(lambda x: _pad(x, chunks * size - lanes), (states, ctrls))
     return jax.tree.map(lambda x: x[:lanes], map_chunks(f, size, *padded))
 

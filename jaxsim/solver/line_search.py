@@ -15,11 +15,9 @@ from flax import struct
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxsim.arrays import tuning
 from jaxsim.solver.operator import Lifted, Operator, Rows
 from jaxsim.solver.problem import Problem
-
-# Searches of at most this many evaluations are unrolled: no loop overhead, few operations.
-UNROLLED = 8
 
 
 @struct.dataclass
@@ -161,7 +159,7 @@ def line_search(
 
 
 def _repeat(advance: Callable[[_Search], _Search], search: _Search, iterations: int) -> _Search:
-    if iterations > UNROLLED:
+    if iterations > tuning.UNROLLED_EVALUATIONS:
         return lax.while_loop(lambda s: ~s.done & (s.count < iterations), advance, search)
     for _ in range(iterations - 1):
         search = advance(search)

@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import jaxsim
-from jaxsim.batching.padded_sum import MAX_CELLS, PaddedSum
+from jaxsim.arrays import tuning
+from jaxsim.batching.padded_sum import PaddedSum
 
 SHAPE = (5, 4, 3)
 
@@ -39,7 +40,7 @@ def test_the_sum_of_the_parts(boxes, with_a_whole):
 
 
 def test_more_regions_than_are_worth_it():
-    size = MAX_CELLS + 2
+    size = tuning.PADDED_REGIONS + 2
     ones = jnp.ones((1, 2))
     parts = [PaddedSum((size, 2), (((i, 0), ones),)) for i in range(0, size, 2)]
     found = parts[0]

@@ -10,9 +10,10 @@ import pytest
 from jax import lax
 from jax.scipy.linalg import cho_factor, cho_solve
 
+from jaxsim.arrays import tuning
 from jaxsim.batching import vmap
 from jaxsim.batching.jaxprs import bodies
-from jaxsim.batching.sections import MAX_EQUATIONS, sectioned
+from jaxsim.batching.sections import sectioned
 from jaxsim.parallel.devices import compiled
 
 LANES = 48
@@ -156,7 +157,7 @@ def test_one_function_for_a_short_program(arguments):
 
 def test_long_loops_are_divided_inside(arguments):
     def f(x):
-        body = lambda x, _: (_long(x, MAX_EQUATIONS // 4), ())  # noqa: E731
+        body = lambda x, _: (_long(x, tuning.SECTION_MAX // 4), ())  # noqa: E731
         return lax.scan(body, x, length=3)[0]
 
     traced = jax.make_jaxpr(sectioned(f, "cpu"))(arguments[0])
@@ -164,7 +165,7 @@ def test_long_loops_are_divided_inside(arguments):
     sections = [e for e in loop.params["jaxpr"].jaxpr.eqns if e.primitive.name == "section"]
     assert len(sections) > 1
     sizes = [len(e.params["program"].jaxpr.eqns) for e in sections]
-    assert max(sizes) <= MAX_EQUATIONS
+    assert max(sizes) <= tuning.SECTION_MAX
     np.testing.assert_allclose(
         compiled(f, "cpu")(arguments[0]), jax.jit(f)(arguments[0]), rtol=2e-5
     )
@@ -176,7 +177,7 @@ def test_what_a_loop_does_not_change_is_in_no_section(arguments):
     def f(x, scale):
         def body(x, _):
             spread = jnp.broadcast_to(jnp.exp(scale)[:, None], x.shape)
-            return _long(x, MAX_EQUATIONS // 4) * spread, ()
+            return _long(x, tuning.SECTION_MAX // 4) * spread, ()
 
         return lax.scan(body, x, length=2)[0]
 

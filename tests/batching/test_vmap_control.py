@@ -9,8 +9,8 @@ import pytest
 from jax import lax
 from vmap_compare import assert_same
 
+from jaxsim.arrays import tuning
 from jaxsim.batching import forms, registry, vmap
-from jaxsim.batching.primitives import while_loop
 
 pytestmark = pytest.mark.usefixtures("x64")
 RNG = np.random.default_rng(2)
@@ -88,8 +88,8 @@ def test_frozen_lanes_see_no_overflow():
 @pytest.fixture
 def every_loop_narrows(monkeypatch):
     """Short loops over few lanes go on with an eighth of them, too."""
-    monkeypatch.setattr(while_loop, "LONG", 0)
-    monkeypatch.setattr(while_loop, "MIN_FEW", 1)
+    monkeypatch.setattr(tuning, "COMPACTION_BODY", 0)
+    monkeypatch.setattr(tuning, "COMPACTION_MIN", 1)
 
 
 @pytest.mark.parametrize("late", [0, 1, 2, 5, 16])

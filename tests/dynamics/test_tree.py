@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from oracle import quick_jit
 
+from jaxsim.arrays import tuning
 from jaxsim.dynamics.tree import accumulate_inward, accumulate_outward, inward, outward
-from jaxsim.model.topology import MIN_SCAN, Forest
+from jaxsim.model.topology import Forest
 
 
 def _chain(n: int) -> list[int]:
@@ -102,7 +103,7 @@ def test_long_chains_are_scanned_in_a_program_whose_size_does_not_grow():
         x = jnp.zeros(n)
         return len(jax.make_jaxpr(lambda x: accumulate_inward(chain, x))(x).eqns)
 
-    assert size(512) == size(2 * MIN_SCAN)
+    assert size(512) == size(2 * tuning.SCANNED_LEVELS)
     assert [run.stop - run.start for run in Forest(_chain(40)).runs] == [40]
 
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import jaxsim
+from jaxsim.arrays import tuning
 from jaxsim.parallel import chunks
-from jaxsim.parallel.chunks import KEPT, UNROLLED, VECTOR, chunk_lanes, even_lanes, map_chunks
+from jaxsim.parallel.chunks import KEPT, UNROLLED, chunk_lanes, even_lanes, map_chunks
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +34,7 @@ def test_even_lanes(model, limits, count, unrolled, kept):
 def test_large_models_come_in_small_chunks(limits):
     few, many = (chunk_lanes(jaxsim.load(_spheres(n))) for n in (2, 60))
     assert limits.min_lanes <= many < few <= limits.max_lanes
-    assert few % VECTOR == many % VECTOR == 0
+    assert few % tuning.VECTOR == many % tuning.VECTOR == 0
 
 
 def _spheres(count):

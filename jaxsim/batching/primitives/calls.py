@@ -4,10 +4,9 @@ import functools
 
 import jax
 
+from jaxsim.arrays import tuning
 from jaxsim.batching import divergence, forms, jaxprs
 from jaxsim.batching.registry import register
-
-INLINE = 16  # a jitted function of fewer equations becomes part of its caller
 
 
 def jit(lanes, eqn, values, flags):
@@ -15,7 +14,7 @@ def jit(lanes, eqn, values, flags):
     form = forms.read(eqn)
     if form is None:
         return None
-    if len(form.body.jaxpr.eqns) < INLINE or form.body.consts:
+    if len(form.body.jaxpr.eqns) < tuning.INLINED_EQUATIONS or form.body.consts:
         return lanes.evaluate(form.body, values, flags)[0]
     return _jitted(lanes, form.body.jaxpr, tuple(flags), form.name)(*values)
 

@@ -4,6 +4,9 @@ Where a branch depends on the element of a batch, both branches are computed for
 and expensive one is better entered by all as soon as one needs it, and else by none.
 """
 
+from collections.abc import Callable
+from typing import Any
+
 import jax.numpy as jnp
 from jax import lax
 from jax.extend import core as jex
@@ -31,6 +34,15 @@ def is_batched(x: Array) -> Bool[Array, ""]:
     there are lanes enough to repay it.
     """
     return is_batched_p.bind(lax.stop_gradient(x))  # JAX then asks for no derivative
+
+
+def serial_or_parallel(serial: Callable, parallel: Callable, *operands: Any) -> Any:
+    """Two ways to compute the same: the first where a program runs one operation after the other.
+
+    There a loop over what is needed is cheaper than to compute all, which elsewhere happens at the
+    same time.
+    """
+    return lax.platform_dependent(*operands, cpu=serial, default=parallel)
 
 
 def nonzero_in_batch(W: Float[Array, "n ..."]) -> Bool[Array, "n"]:

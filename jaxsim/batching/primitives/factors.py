@@ -1,12 +1,10 @@
 """Factors and triangular solves of small matrices, lanes last.
 
-Up to 6 rows Cholesky factors and substitutions are unrolled. Beyond that XLA's fusion recomputes
-across unrolled columns (a 27-row factor takes 2.7 to 5 ms for 256 lanes and 10 s to compile), so a
-CPU loops over columns, one fused update of (rows, lanes) at a time: 0.38 ms against LAPACK's 0.52
-with the batch in front, and 21 us against 232 for a triangular solve with one right-hand side. A
-GPU would pay a kernel launch for each turn of these loops and keeps the library's batched routine.
-LU factors, whose rows change places, are loops up to 6 rows: one call for each matrix would take
-twice as long. What is larger is left to `lapack`.
+Cholesky factors and substitutions of a few rows are unrolled. With more of them XLA's fusion would
+compute columns again and again, so a CPU loops over columns, one fused update of (rows, lanes) at a
+time. A GPU would pay a kernel launch for each turn of these loops and keeps the library's batched
+routine. LU factors, whose rows change places, are loops. What is larger is left to `lapack`; the
+limits are in `jaxsim.arrays.tuning`.
 """
 
 from collections.abc import Callable
@@ -15,14 +13,11 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from jaxsim.arrays import tuning
 from jaxsim.batching import jaxprs
 from jaxsim.batching.primitives import lapack
 from jaxsim.batching.primitives.derivatives import with_jvp
 from jaxsim.batching.registry import register
-
-UNROLL = 6  # rows
-MAX_ROWS = 32  # of a factor by column loops
-MAX_ENTRIES = 1024  # of a solution by column loops
 
 
 def cholesky(lanes, eqn, values, flags):
@@ -32,17 +27,19 @@ def cholesky(lanes, eqn, values, flags):
     """
     aval = eqn.invars[0].aval
     rows = aval.shape[-1]
-    if rows > MAX_ROWS or rows == 0 or jnp.issubdtype(aval.dtype, jnp.complexfloating):
+    if rows > tuning.LOOPED_ROWS or rows == 0 or jnp.issubdtype(aval.dtype, jnp.complexfloating):
         return lapack.one_by_one(lanes, eqn, values, flags)
+
+    unrolled = rows <= tuning.UNROLLED_ROWS
 
     def factor(a):
         a = jnp.moveaxis(a, (-3, -2), (0, 1))
-        lower = factor_unrolled(a) if rows <= UNROLL else factor_loop(a)
+        lower = factor_unrolled(a) if unrolled else factor_loop(a)
         diagonal = jnp.stack([lower[j, j] for j in range(rows)])
         lower = jnp.where(jnp.all(diagonal > 0, 0)[None, None], lower, jnp.nan)
         return [jnp.moveaxis(lower, (0, 1), (-3, -2))]
 
-    batched = factor if rows <= UNROLL else _on_cpu(factor, _batch_first(lanes, eqn, flags))
+    batched = factor if unrolled else _on_cpu(factor, _batch_first(lanes, eqn, flags))
     return with_jvp(lanes, eqn, flags, batched)(*values)
 
 
@@ -81,7 +78,7 @@ def lu(lanes, eqn, values, flags):
     aval = eqn.invars[0].aval
     rows, columns = aval.shape[-2:]
     real = not jnp.issubdtype(aval.dtype, jnp.complexfloating)
-    if not (real and 0 < rows == columns <= UNROLL):
+    if not (real and 0 < rows == columns <= tuning.UNROLLED_ROWS):
         return lapack.one_by_one(lanes, eqn, values, flags)
     factor = factor_pivoted
     for _ in range(aval.ndim - 2):
@@ -124,7 +121,7 @@ def triangular_solve(lanes, eqn, values, flags):
     a_type, b_type = (v.aval for v in eqn.invars)
     rows = a_type.shape[-1]
     columns = b_type.shape[-1] if eqn.params["left_side"] else b_type.shape[-2]
-    small, medium = rows <= UNROLL, rows * columns <= MAX_ENTRIES
+    small, medium = rows <= tuning.UNROLLED_ROWS, rows * columns <= tuning.LOOPED_ENTRIES
     real = not jnp.issubdtype(a_type.dtype, jnp.complexfloating)
     if not (real and (small or medium)) or 0 in b_type.shape:
         return _solve_large(lanes, eqn, values, flags)

@@ -2,11 +2,9 @@
 
 A 6x6 product for 256 lanes is six fused multiply-adds over arrays of shape (6, 6, 256), which
 XLA runs at full vector width; as `dot_general` it would be 256 tiny products with the batch in
-front. Times on one core (AVX-512, float32, 256 lanes) put the limits where they are: unrolled
-against `dot_general` of the transposed arrays, (12,12)x(12,12) takes 37 us against 87,
-(27,27)x(27,) 18 against 109, (27,27)x(27,27) 280 against 350, but (8,128)x(128,8) 7600 against 390.
-With one operand shared by all lanes the batch is a free axis of one real matrix product, as fast
-from 8 terms on and then faster.
+front. Where that ends to be faster is in
+`jaxsim.arrays.tuning`. With one operand shared by all lanes the batch is a free axis of one real
+matrix product.
 
 The product is a primitive of its own, `lane_contract`, lowered late. Its derivatives are then
 such products again, and not the transposes of unrolled sums, for grad(vmap(f)) as for
@@ -25,16 +23,11 @@ from jax import lax
 from jax.extend import core as jex
 from jax.interpreters import ad, batching, mlir
 
+from jaxsim.arrays import tuning
 from jaxsim.batching import jaxprs
 from jaxsim.batching.lazy import LazyTranspose
 from jaxsim.batching.primitives.own_kernel import not_inlined
 from jaxsim.batching.registry import register
-
-MAX_TERMS = 32  # of one unrolled sum, both operands batched
-MAX_TERMS_VECTOR = 64  # the same where the result has at most as many entries as an operand
-MAX_TERMS_SHARED = 8  # of one unrolled sum, one operand shared by all lanes
-MAX_PRODUCTS = 32768  # multiplications for one lane
-MIN_CALL = 6  # multiplications for one lane from which a product is a kernel of its own
 
 Labels = tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]  # left, right, result
 
@@ -80,7 +73,7 @@ def evaluate(x, y, *, labels: Labels, precision, call: bool = False):
             both = [evaluate(*p, labels=labels, precision=precision, call=call) for p in parts]
             return both[0] + both[1]
         return _matrix_product(x, y, labels, precision)
-    if call and _products(labels, sizes) >= MIN_CALL and _terms(labels, sizes) > 1:
+    if call and _products(labels, sizes) >= tuning.PRODUCT_CALL and _terms(labels, sizes) > 1:
         with not_inlined():
             return _unrolled_call(x, y, labels=labels)
     return unrolled(x, y, labels=labels)
@@ -188,11 +181,11 @@ def _products(labels: Labels, sizes) -> int:
 
 def _unrolls(labels: Labels, sizes) -> bool:
     left, right, out = labels
-    if not out or _products(labels, sizes) > MAX_PRODUCTS:
+    if not out or _products(labels, sizes) > tuning.PRODUCT_MULTIPLICATIONS:
         return False
     free = [math.prod(sizes[i] for i in out[:-1] if i not in other) for other in (right, left)]
-    limit = MAX_TERMS_VECTOR if min(free) == 1 else MAX_TERMS
-    return _terms(labels, sizes) <= (limit if _is_batched(labels) else MAX_TERMS_SHARED)
+    limit = tuning.PRODUCT_TERMS_VECTOR if min(free) == 1 else tuning.PRODUCT_TERMS
+    return _terms(labels, sizes) <= (limit if _is_batched(labels) else tuning.PRODUCT_TERMS_SHARED)
 
 
 def _is_batched(labels: Labels) -> bool:

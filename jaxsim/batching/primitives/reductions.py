@@ -11,14 +11,12 @@ from collections.abc import Sequence
 import jax.numpy as jnp
 from jax import lax
 
+from jaxsim.arrays import tuning
 from jaxsim.batching.primitives.derivatives import with_jvp
 from jaxsim.batching.primitives.jvp_rule import with_jvp_rule
 from jaxsim.batching.primitives.operands import same_axes
 from jaxsim.batching.primitives.own_kernel import own_kernel
 from jaxsim.batching.registry import register
-
-MAX_REDUCED = 8192  # entries of one lane whose reduction is written out
-SUM_PARTS = 8  # parts that are added in one expression
 
 
 def reduce_sum(lanes, eqn, values, flags):
@@ -45,7 +43,7 @@ def reduction(combined, lanes, eqn, values, flags):
     terms = math.prod(values[0].shape[a] for a in axes)
     if terms == 1:
         return [lax.squeeze(values[0], axes)]
-    if not 0 < terms <= MAX_REDUCED:
+    if not 0 < terms <= tuning.REDUCED_ENTRIES:
         return same_axes(lanes, eqn, values, flags)
     return [combined(values[0], axes)]
 
@@ -85,7 +83,7 @@ def _reduced(x, axis: int, operator):
     size = x.shape[axis]
     if size == 1:
         return x
-    parts = min(size, SUM_PARTS)
+    parts = min(size, tuning.REDUCED_AT_ONCE)
     length = size // parts
     edges = [*range(0, (parts + 1) * length, length), *range(parts * length + 1, size + 1)]
     slices = [lax.slice_in_dim(x, a, b, axis=axis) for a, b in itertools.pairwise(edges)]

@@ -6,44 +6,47 @@ import functools
 import jax.numpy as jnp
 from jax import lax
 
+from jaxsim.arrays import tuning
 from jaxsim.batching import divergence, forms, jaxprs
 from jaxsim.batching.primitives.operands import all_as, select_lanes
 from jaxsim.batching.registry import register
-
-# When only an eighth of the lanes wants to, or so few, a long loop goes on with those alone. Twice
-# as many, 32 of 128, take longer: LLVM unrolls loops over so few before it makes vectors of them.
-FEW, MIN_FEW = 8, 16
-MIN_GAIN = 4  # times fewer lanes repay the change
-LONG = 300  # equations of a body that repays the change
 
 
 def while_(lanes, eqn, values, flags):
     """Runs while any lane wants to; a lane that does not keeps its values.
 
-    When few lanes are left they are gathered, so that the rest of the loop costs what they cost.
+    When few lanes are left the loop is compacted: they are gathered, and the rest of it costs what
+    they cost.
     """
     form = forms.read(eqn)
     if form is None:
         return None
     first = form.num_cond_consts + form.num_body_consts
-    carry_flags, frozen = divergence.while_flags(form, list(flags))
+    carry_flags, diverges = divergence.while_flags(form, list(flags))
     consts = list(values[:first])
     carry = all_as(lanes, values[first:], flags[first:], carry_flags)
     loop = _Loop(form, list(flags[:first]), carry_flags)
-    if not frozen:
+    if not diverges:
         return loop.run_together(lanes, consts, carry)
-    few = max(lanes.size // FEW, MIN_FEW)
-    if few * MIN_GAIN > lanes.size or jaxprs.length(form.body.jaxpr.eqns) < LONG:
+    width = _compacted_width(lanes.size, form.body)
+    if not width:
         return loop.run(lanes, consts, carry, 0)[1]
-    active, carry = loop.run(lanes, consts, carry, few)
+    active, carry = loop.run(lanes, consts, carry, width)
     return lax.cond(
         jnp.any(active),
-        functools.partial(_run_compacted, lanes, loop, few),
+        functools.partial(_run_compacted, lanes, loop, width),
         lambda active, _, carry: carry,
         active,
         consts,
         carry,
     )
+
+
+def _compacted_width(size: int, body: forms.Program) -> int:
+    """With how many of the lanes the loop goes on when no more are active; 0 if it does not pay."""
+    width = max(size // tuning.COMPACTION_DIVISOR, tuning.COMPACTION_MIN)
+    is_long = jaxprs.length(body.jaxpr.eqns) >= tuning.COMPACTION_BODY
+    return width if is_long and width * tuning.COMPACTION_GAIN <= size else 0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -97,27 +100,27 @@ class _Loop:
         return lax.while_loop(lambda state: jnp.sum(state[0]) > until, step, start)
 
 
-def _run_compacted(lanes, loop: _Loop, few: int, active, consts, carry) -> list:
-    """The rest of a loop in which at most `few` lanes are active, with only so many lanes."""
-    place = jnp.where(active, jnp.cumsum(active) - 1, few)
-    lane = lax.iota(place.dtype, lanes.size)
-    # Places that are left over repeat lane 0, and nobody looks at them. No scatter, which could
+def _run_compacted(lanes, loop: _Loop, width: int, active, consts, carry) -> list:
+    """The rest of a loop in which at most `width` lanes are active, with only so many lanes."""
+    slot = jnp.where(active, jnp.cumsum(active) - 1, width)
+    lane = lax.iota(slot.dtype, lanes.size)
+    # Slots that are left over repeat lane 0, and nobody looks at them. No scatter, which could
     # not be part of a section.
-    here = place[None, :] == jnp.arange(few, dtype=place.dtype)[:, None]
-    chosen = jnp.sum(jnp.where(here, lane[None, :], 0), axis=1, dtype=place.dtype)
+    here = slot[None, :] == jnp.arange(width, dtype=slot.dtype)[:, None]
+    chosen = jnp.sum(jnp.where(here, lane[None, :], 0), axis=1, dtype=slot.dtype)
 
     def take(values, flags):
-        return [_lanes(v, chosen) if on else v for v, on in zip(values, flags, strict=True)]
+        return [_gather_lanes(v, chosen) if on else v for v, on in zip(values, flags, strict=True)]
 
-    fewer = dataclasses.replace(lanes, size=few)
+    fewer = dataclasses.replace(lanes, size=width)
     _, new = loop.run(fewer, take(consts, loop.const_flags), take(carry, loop.carry_flags), 0)
     return [
-        select_lanes(active, [old, _lanes(n, place)]) if on else n
+        select_lanes(active, [old, _gather_lanes(n, slot)]) if on else n
         for n, old, on in zip(new, carry, loop.carry_flags, strict=True)
     ]
 
 
-def _lanes(x, index):
+def _gather_lanes(x, index):
     """Chosen lanes of x. With all other axes as one, XLA copies half as much."""
     rows = x.reshape(-1, x.shape[-1])
     return jnp.take(rows, index, axis=1, mode="clip").reshape(*x.shape[:-1], len(index))

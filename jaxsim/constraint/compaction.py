@@ -14,25 +14,28 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Int
 
-from jaxsim.batching.primitives.decisions import index_of_nth, is_batched, nonzero_in_batch
+from jaxsim.arrays import tuning
+from jaxsim.batching.primitives.decisions import (
+    index_of_nth,
+    is_batched,
+    nonzero_in_batch,
+    serial_or_parallel,
+)
 from jaxsim.constraint.contact_rows import ContactRows
 from jaxsim.constraint.jacobian import Jacobian, LinkRows
 from jaxsim.constraint.link_index import items
 from jaxsim.constraint.operators import TreeOperator
 from jaxsim.solver import Kind, Problem
 
-FEW = 8  # slots that are kept
-MANY = 12  # slots of which so few repay a second program
-
 T = TypeVar("T")
 
 
-def with_few_contacts(
+def with_compacted_contacts(
     run: Callable[[Problem, TreeOperator], T],
     problem: Problem,
     operator: TreeOperator,
 ) -> T:
-    """`run(problem, operator)`; in lanes of a CPU with `FEW` slots of a kind, if no more push.
+    """`run(problem, operator)`; in a batch with `FEW_CONTACTS` slots of a kind, if no more push.
 
     Other than articulated solves cost so much more than their contacts that it would not pay, and
     one environment alone is too quick to repay the second program's compilation.
@@ -43,14 +46,16 @@ def with_few_contacts(
       operator: with their Jacobians.
     """
     pairs = enumerate(zip(operator.jacobians, problem.blocks, strict=True))
-    many = [i for i, (J, kind) in pairs if _is_of_links(J) and len(kind.aref) >= MANY]
+    many = [
+        i for i, (J, kind) in pairs if _is_of_links(J) and len(kind.aref) >= tuning.MANY_CONTACTS
+    ]
     if operator.strategy != "articulated" or not many:
         return run(problem, operator)
 
     ranks = {i: jnp.cumsum(nonzero_in_batch(problem.blocks[i].D)) for i in many}
-    few = jnp.all(jnp.stack([rank[-1] <= FEW for rank in ranks.values()]))
+    few = jnp.all(jnp.stack([rank[-1] <= tuning.FEW_CONTACTS for rank in ranks.values()]))
     few = few & is_batched(problem.blocks[many[0]].D)
-    pays = lax.platform_dependent(few, cpu=lambda few: few, default=jnp.zeros_like)
+    pays = serial_or_parallel(lambda few: few, jnp.zeros_like, few)
     shortened = lambda: run(*_shortened(problem, operator, ranks))  # noqa: E731
     return lax.cond(pays, shortened, lambda: run(problem, operator))
 
@@ -62,7 +67,7 @@ def _is_of_links(J: Jacobian) -> bool:
 def _shortened(problem: Problem, operator: TreeOperator, ranks: dict[int, Array]):
     """The problem with the first items that push of some blocks."""
     kinds, jacobians = list(problem.blocks), list(operator.jacobians)
-    item = jnp.arange(FEW)
+    item = jnp.arange(tuning.FEW_CONTACTS)
     for i, rank in ranks.items():
         index = jax.vmap(functools.partial(index_of_nth, rank))(item)
         kinds[i] = _kept(kinds[i], index, item < rank[-1])

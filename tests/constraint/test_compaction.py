@@ -9,7 +9,8 @@ import pytest
 from oracle import quick_jit
 
 import jaxsim
-from jaxsim.constraint import few
+from jaxsim.arrays import tuning
+from jaxsim.constraint import compaction
 
 PLATES = 3  # of four balls each
 PLATE = """<body pos="{x} 0 0"><joint type="free"/>
@@ -59,7 +60,7 @@ def both_ways(cone, condim):
     """The model, and its program with and without a shorter one in it."""
     model = load(cone, condim)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(few, "MANY", 1000)
+        patch.setattr(tuning, "MANY_CONTACTS", 1000)
         whole = compiled(model)
     return model, compiled(model), whole
 
@@ -83,9 +84,9 @@ def test_the_shorter_program_runs_where_few_contacts_push(monkeypatch, standing,
     """Eight in the first batch, twelve in the second; the shorter program is made a wrong one."""
     model = load()
     batch = states(model, standing)
-    kept = few._kept
+    kept = compaction._kept
     nothing = lambda *args: jax.tree.map(jnp.zeros_like, kept(*args))  # noqa: E731
-    monkeypatch.setattr(few, "_kept", nothing)
+    monkeypatch.setattr(compaction, "_kept", nothing)
     vertical = np.asarray(compiled(model)(batch)[0]).reshape(3, PLATES, 6)[..., 2]
     assert (vertical[0, 0] < -9) == shorter
 
@@ -113,6 +114,6 @@ def test_derivatives_are_those_of_the_whole_problem():
 
     got = derivative()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(few, "MANY", 1000)
+        patch.setattr(tuning, "MANY_CONTACTS", 1000)
         expected = derivative()
     np.testing.assert_allclose(got, expected, RTOL, 1e-6)
