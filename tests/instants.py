@@ -86,7 +86,7 @@ def batch_states(model, datas):
     one = make_state(model)
     dtype = one.qpos.dtype
     batch = {}
-    for name in vars(one):
+    for name in vars(one).keys() - {"time_excess"}:
         values = np.stack([np.asarray(getattr(d, name)) for d in datas])
         batch[name] = jnp.asarray(values.reshape(len(datas), *getattr(one, name).shape), dtype)
     # A cold start: the warm start must not matter.

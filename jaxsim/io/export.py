@@ -61,7 +61,7 @@ def _data(mj: mujoco.MjModel, state: State, ctrl) -> mujoco.MjData:
     data = mujoco.MjData(mj)
     for name in _STATE:
         _assign(data, name, getattr(state, name))
-    data.time = float(state.time)
+    data.time = float(state.time) - float(state.time_excess)
     if ctrl is not None:
         _assign(data, "ctrl", ctrl)
     mujoco.mj_forward(mj, data)

@@ -1,6 +1,8 @@
 """`State`: what an environment carries from one step to the next."""
 
+import jax
 import jax.numpy as jnp
+import numpy as np
 from flax import struct
 from jaxtyping import Array, Float
 
@@ -24,6 +26,9 @@ class State:
       qfrc_applied: external generalised forces.
       mocap_pos: positions of the mocap bodies.
       mocap_quat: orientations of the mocap bodies; normalised when used.
+      time_excess: by how much `time`, which is rounded up, is more than the exact time. Steps keep
+        it, so that a float32 time neither drifts nor stands still. Zero if it is not given or has
+        another shape than `time`.
     """
 
     qpos: Float[Array, "nq"]
@@ -35,6 +40,14 @@ class State:
     qfrc_applied: Float[Array, "nv"]
     mocap_pos: Float[Array, "nmocap 3"]
     mocap_quat: Float[Array, "nmocap 4"]
+    time_excess: Float[Array, ""] = None  # type: ignore[assignment]
+
+    def __post_init__(self):
+        # Trees of axes, types and nothing have the class of states as well.
+        if isinstance(self.time, jax.Array | np.ndarray | float):
+            excess = self.time_excess
+            if excess is None or np.shape(excess) != np.shape(self.time):
+                object.__setattr__(self, "time_excess", 0 * self.time)
 
 
 def make_state(model: Model, keyframe: int | str | None = None) -> State:

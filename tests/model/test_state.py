@@ -75,3 +75,12 @@ def test_state_has_the_default_float_type(x64):
     with jax.enable_x64(x64):
         leaves = jax.tree.leaves(make_state(load(XML)))
     assert {leaf.dtype for leaf in leaves} == {np.dtype("float64" if x64 else "float32")}
+
+
+def test_a_state_may_be_made_without_the_excess_of_its_time(model):
+    state = make_state(model)
+    parts = {name: getattr(state, name) for name in vars(state) if name != "time_excess"}
+    assert jax.tree.structure(type(state)(**parts)) == jax.tree.structure(state)
+    assert state.replace(time=np.arange(3.0)).time_excess.shape == (3,)
+    nothing = jax.tree.map(lambda _: None, state)
+    assert nothing.time_excess is None

@@ -5,6 +5,7 @@ import mujoco
 from jaxtyping import Array, Float
 
 from jaxsim.arrays.indexing import take
+from jaxsim.arrays.running_sum import add_rounding_up
 from jaxsim.engine.instant import Instant
 from jaxsim.engine.integrators.integrator import Step
 from jaxsim.engine.status import Status
@@ -51,11 +52,13 @@ def advance(
     """
     h = model.opt.timestep
     after = state.qvel + h * qacc
+    time, excess = add_rounding_up(state.time, state.time_excess, h)
     return state.replace(
         qpos=integrate_pos(model, state.qpos, after if qvel is None else qvel, h),
         qvel=after,
         act=_next_activation(model, state.act, act_dot, actuator_length),
-        time=state.time + h,
+        time=time,
+        time_excess=excess,
     )
 
 
