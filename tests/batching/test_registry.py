@@ -25,12 +25,27 @@ def test_all_files_of_primitives_are_imported():
     assert registering <= set(primitives.__all__)
 
 
-def test_an_unknown_primitive_is_batched_by_jax():
-    """It gets an axis in front and no rule of ours."""
-    doubled = jex.Primitive("of somebody else")
-    doubled.def_impl(lambda x: 2 * x)
-    doubled.def_abstract_eval(lambda x: x)
-    batching.primitive_batchers[doubled] = lambda values, axes: (doubled.bind(*values), axes[0])
-    mlir.register_lowering(doubled, mlir.lower_fun(lambda x: 2 * x, multiple_results=False))
-    x = np.arange(6.0, dtype=np.float32).reshape(3, 2)
-    np.testing.assert_array_equal(jaxsim.vmap(lambda x: doubled.bind(x))(x), 2 * x)
+@pytest.fixture
+def doubled():
+    """A primitive of somebody else."""
+    primitive = jex.Primitive("doubled")
+    primitive.def_impl(lambda x: 2 * x)
+    primitive.def_abstract_eval(lambda x: x)
+    batching.primitive_batchers[primitive] = lambda xs, axes: (primitive.bind(*xs), axes[0])
+    mlir.register_lowering(primitive, mlir.lower_fun(lambda x: 2 * x, multiple_results=False))
+    return primitive.bind
+
+
+X = np.arange(6.0, dtype=np.float32).reshape(3, 2)
+
+
+def test_an_unknown_primitive_is_batched_by_jax(doubled):
+    np.testing.assert_array_equal(jaxsim.vmap(lambda x: doubled(x))(X), 2 * X)
+
+
+def test_a_registered_rule_is_used(doubled, monkeypatch):
+    """With the lanes as the last axis; a wrong rule shows that it is this one."""
+    monkeypatch.setattr(registry, "_PRIMITIVES", dict(registry._PRIMITIVES))
+    registry.register("doubled", rule=lambda lanes, eqn, values, flags: [values[0] + X.T])
+    np.testing.assert_array_equal(jaxsim.vmap(lambda x: doubled(x))(X), 2 * X)
+    np.testing.assert_array_equal(jaxsim.vmap(lambda x: doubled(x))(X + 1), 2 * X + 1)
