@@ -188,6 +188,15 @@ SECTIONS = (
         plain(),
     ),
     Section(
+        "soak",
+        "Many steps",
+        "Random and bang-bang controls. Diverged: environments whose numbers were not "
+        "finite any more. Alone: those of them that MuJoCo C simulates without a warning. "
+        "Lost contacts: calls of 50 steps of an environment in which contacts found no "
+        "slot. Memory and compilations are those after the first two calls.",
+        plain(),
+    ),
+    Section(
         "solver",
         "The constraint solver alone",
         "Microseconds of a solve to MuJoCo's tolerance for each way to invert the "

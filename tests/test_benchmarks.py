@@ -8,8 +8,11 @@ import sys
 
 import jax
 import jax.numpy as jnp
+import mujoco
 import numpy as np
 import pytest
+
+import jaxsim
 
 REPOSITORY = pathlib.Path(__file__).parent.parent
 SCRIPTS = REPOSITORY / "benchmarks"
@@ -80,6 +83,26 @@ def test_table_aligns_columns(common):
     assert len({len(line) for line in lines}) == 1
     assert lines[0].split() == ["name", "x", "y"]
     assert "12,345" in lines[2]
+
+
+def test_a_short_soak(tmp_path):
+    run("soak.py", "--models", "pendulum", "--steps", 1, "--batch", 16, "--out", tmp_path)
+    (row,) = json.loads((tmp_path / "soak.json").read_text())["rows"]
+    assert row["steps"] == 16 * 50 * 3
+    assert (row["diverged"], row["alone"], row["compilations"]) == (0, 0, 0)
+
+
+def test_a_soak_asks_mujoco_about_what_diverged(common):
+    import soak
+
+    xml = """<mujoco><worldbody><body><joint name="j"/><geom size=".1"/></body></worldbody>
+      <actuator><motor joint="j" gear="{}"/></actuator></mujoco>"""
+    count = soak.Counts()
+    for gear in ("1", "1e15"):
+        mj = mujoco.MjModel.from_xml_string(xml.format(gear))
+        states = jax.tree.map(lambda x: x[None], jaxsim.make_state(jaxsim.load(mj)))
+        count.add(mj, states, np.ones((1, 5, 1)), np.array([True]), np.zeros(1))
+    assert (count.diverged, count.alone) == (2, 1)
 
 
 @pytest.mark.slow
