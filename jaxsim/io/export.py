@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsim.model import Model, ModelError, State
+from jaxsim.model.errors import expect
 
 _STATE = "qpos qvel act qacc_warmstart xfrc_applied qfrc_applied mocap_pos mocap_quat".split()
 # What a geom's bounding boxes were computed from; they are not leaves.
@@ -38,8 +39,12 @@ def to_mujoco(model: Model, state: State | None = None, ctrl: Float[Array, "nu"]
 
     Raises:
       ModelError: the model has numbers that MuJoCo cannot take without compiling it anew.
+      TypeError: the model or the state is something else.
       ValueError: the model or the state has a batch axis.
     """
+    expect(model, Model, "jaxsim.load")
+    if state is not None:
+        expect(state, State, "jaxsim.make_state")
     mj = copy.copy(model.structure.source)
     _check_simple_bodies(model, mj)
     _check_meshes(model, mj)

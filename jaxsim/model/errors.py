@@ -26,3 +26,11 @@ class ModelError(JaxsimError, ValueError):
     """A model asks for what is not supported, or its physics is invalid; the message names it."""
 
     summary = "{} things in the model are wrong or not supported"
+
+
+def expect(value: object, kind: type, maker: str) -> None:
+    """Raise a TypeError unless a value is of this type of ours; it says what makes one."""
+    if not isinstance(value, kind):
+        raise TypeError(
+            f"expected a jaxsim.{kind.__name__}, got {type(value).__name__}; see {maker}"
+        )

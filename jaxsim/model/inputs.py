@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 
+from jaxsim.model.errors import expect
 from jaxsim.model.facts import fact
 from jaxsim.model.model import Model, Option, Statistic
 from jaxsim.model.state import State
@@ -47,8 +48,7 @@ def admit(
     if isinstance(model, State) and isinstance(state, Model):
         raise TypeError("the model comes first, then the state; got them the other way round")
     model = admit_model(model)
-    if not isinstance(state, State):
-        raise TypeError(f"expected a jaxsim.State, got {type(state).__name__}; see make_state")
+    expect(state, State, "jaxsim.make_state")
     shapes = {name: batch + shape for name, shape in _shapes(model)["state"].items()}
     state = _admitted(state, shapes, _number_type(model), "states" if batch else "state")
     if ctrl is not None:
@@ -58,8 +58,7 @@ def admit(
 
 def admit_model(model: Model) -> Model:
     """The first third of `admit`."""
-    if not isinstance(model, Model):
-        raise TypeError(f"expected a jaxsim.Model, got {type(model).__name__}; see jaxsim.load")
+    expect(model, Model, "jaxsim.load")
     shapes, kind = _shapes(model), _number_type(model)
     opt = _admitted(model.opt, shapes["opt"], kind, "model.opt")
     stat = _admitted(model.stat, shapes["stat"], kind, "model.stat")

@@ -6,6 +6,7 @@ import numpy as np
 from flax import struct
 from jaxtyping import Array, Float
 
+from jaxsim.model.errors import expect
 from jaxsim.model.model import Model
 
 
@@ -63,8 +64,9 @@ def make_state(model: Model, keyframe: int | str | None = None) -> State:
     Raises:
       KeyError: no keyframe has this name.
       IndexError: there is no keyframe with this index.
-      TypeError: the keyframe is neither an index nor a name.
+      TypeError: the model is something else, or the keyframe neither an index nor a name.
     """
+    expect(model, Model, "jaxsim.load")
     dtype = model.qpos0.dtype
     bodies = model.structure.mocap_bodies
     state = State(

@@ -93,8 +93,14 @@ def test_swapped_arguments(model, state, step):
 def test_other_things(model, state):
     with pytest.raises(TypeError, match=r"expected a jaxsim\.Model, got str; see jaxsim\.load"):
         jaxsim.step("pendulum", state)
-    with pytest.raises(TypeError, match=r"expected a jaxsim\.State, got ArrayImpl; see make_state"):
+    with pytest.raises(TypeError, match=r"expected a jaxsim\.State, got ArrayImpl; see jaxsim"):
         jaxsim.step(model, state.qpos)
+    with pytest.raises(TypeError, match=r"expected a jaxsim\.Model, got str; see jaxsim\.load"):
+        jaxsim.make_state("pendulum")
+    with pytest.raises(TypeError, match=r"expected a jaxsim\.State, got Model; see jaxsim"):
+        jaxsim.to_mujoco(model, model)
+    with pytest.raises(TypeError, match=r"expected a jaxsim\.Model, got State; see jaxsim\.load"):
+        jaxsim.batch_rollout(state, model, jnp.zeros((1, 2, 2)))
 
 
 @pytest.mark.parametrize(

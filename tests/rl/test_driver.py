@@ -230,6 +230,14 @@ def test_no_such_algorithm(name, message):
         train("fast", name)
 
 
+def test_train_takes_one_environment():
+    with pytest.raises(config.ConfigError, match="one environment of jaxsim.envs, .* got int"):
+        train(3)
+    many = jax.vmap(lambda _: envs.make("fast"))(jnp.arange(2))
+    with pytest.raises(config.ConfigError, match=r"holds a batch of models of shape \(2,\)"):
+        train(many)
+
+
 def test_settings_may_be_a_file_or_a_record(tiny, tmp_path):
     path = tmp_path / "settings.yaml"
     path.write_text("envs: 16\nunroll: 4\n")
