@@ -184,7 +184,10 @@ SECTIONS = (
     Section(
         "precision",
         "float32",
-        "Random scenes in float32 beside float64 and MuJoCo C.",
+        "Random scenes on a plane in float32 beside float64 and MuJoCo C: frictions from 1e-5, "
+        "slenderness to 1:1000, mass ratios to 1e4, impratio to 100. `not finite` and `through` "
+        "the floor count scenes where MuJoCo C is neither; errors of the first acceleration "
+        "are those to MuJoCo C with a tolerance of zero.",
         plain(),
     ),
     Section(

@@ -127,6 +127,35 @@ def test_solver_compares_strategies(tmp_path):
 
 
 @pytest.mark.slow
+def test_precision_of_a_few_scenes(tmp_path):
+    sizes = ("--scenes", 16, "--steps", 100, "--families", "sphere pyramidal")
+    run("precision.py", *sizes, "--out", tmp_path)
+    rows = {r["by"]: r for r in json.loads((tmp_path / "precision.json").read_text())["rows"]}
+    assert set(rows) == {"float32", "float64", "MuJoCo C"}
+    for row in rows.values():
+        assert row["scenes"] == 16
+        assert row["not finite"] == row["through"] == 0
+    assert rows["float64"]["qacc error, median"] < 1e-9
+    assert rows["float32"]["qacc error, median"] < 1e-3
+
+
+def test_precision_counts_what_goes_wrong(monkeypatch):
+    """Of three scenes one is right, one ends below the floor, one is not finite."""
+    monkeypatch.syspath_prepend(str(SCRIPTS))
+    import precision
+
+    rng = np.random.default_rng(0)
+    scenes = [precision.draw(rng, "box", "elliptic") for _ in range(3)]
+    exact = precision.mujoco_outcome(scenes, steps=2, converged=True)
+    found = precision.mujoco_outcome(scenes, steps=2, converged=False)
+    found.qpos[1, 2], found.qpos[2], found.qacc[2] = -1.0, np.nan, np.nan
+    counts = precision.compare(scenes, found, exact)
+    assert (counts["not finite"], counts["through"]) == (1, 1)
+    assert counts["worst"] == np.inf
+    assert counts["qacc error, median"] < 1
+
+
+@pytest.mark.slow
 def test_gradients_are_accurate(tmp_path):
     sizes = ("--batch", 4, "--steps", 3, "--states", 4, "--repetitions", 2)
     run("gradients.py", "--models", "double_pendulum", *sizes, "--out", tmp_path)

@@ -34,9 +34,9 @@ def dof_damping_slope(model: Model, qvel: Float[Array, "nv"]) -> Float[Array, "n
     return damping_slope(*dof_damping(model), qvel)
 
 
-@fact(*_DOF_DAMPING, unknown=True)
-def may_damp_dofs(model: Model, *numbers: np.ndarray) -> bool:
-    """Whether some joint may have damping, its actuators' included."""
+@fact(*_DOF_DAMPING)
+def damps_dofs(model: Model, *numbers: np.ndarray) -> bool | None:
+    """Whether some joint has damping, its actuators' included; None if that is not known."""
     return any(x.any() for x in numbers)
 
 
