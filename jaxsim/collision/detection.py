@@ -166,7 +166,7 @@ def _join_ids(ids: list[Int[Array, "_"] | np.ndarray]) -> Index:
     return np.concatenate(ids) if static else jnp.concatenate(ids)
 
 
-def _take_ids(ids: Index, chosen: Int[Array, "n"]) -> Index:
+def _take_ids(ids: Index, chosen: Int[Array, "k"]) -> Any:
     """Static where all are the same, say of the ground: what they look up is then not gathered."""
     if isinstance(ids, np.ndarray) and len(set(ids.tolist())) == 1:
         return np.full(chosen.shape[0], ids[0])
