@@ -10,7 +10,7 @@ An operator is itself a pytree, its numbers are leaves: `implicit.attach` differ
 respect to them.
 """
 
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
@@ -38,6 +38,7 @@ class LinearStatus(NamedTuple):
         return LinearStatus(self.iterations + later.iterations, self.converged & later.converged)
 
 
+@runtime_checkable
 class Operator(Protocol):
     """Products with, and solves of, the matrices of the constrained problem."""
 
