@@ -21,10 +21,10 @@ from jaxsim.batching.primitives.own_kernel import fusion_barrier
 JOINING = "concatenate", "stack"
 
 
-def with_parts_apart(eqn, made: set):
-    """A concatenation or stack whose parts, where they are in `made`, are computed apart."""
+def with_parts_first(eqn, made: set):
+    """A concatenation or stack whose parts, where they are in `made`, are computed first."""
     first = tuple(isinstance(v, jex.Var) and v in made for v in eqn.invars)
-    return eqn.replace(primitive=apart_p, params={"whole": eqn, "first": first})
+    return eqn.replace(primitive=parts_first_p, params={"whole": eqn, "first": first})
 
 
 def _put_together(*parts, whole, first):
@@ -58,6 +58,6 @@ def _select_row(rows: Sequence[jax.Array], axis: int) -> jax.Array:
     return lax.select_n(which, *(lax.broadcast_in_dim(x, shape, range(x.ndim)) for x in rows))
 
 
-apart_p = jex.Primitive("apart")
-apart_p.def_abstract_eval(lambda *_, whole, first: whole.outvars[0].aval)
-mlir.register_lowering(apart_p, mlir.lower_fun(_put_together, multiple_results=False))
+parts_first_p = jex.Primitive("concatenate_parts_first")
+parts_first_p.def_abstract_eval(lambda *_, whole, first: whole.outvars[0].aval)
+mlir.register_lowering(parts_first_p, mlir.lower_fun(_put_together, multiple_results=False))

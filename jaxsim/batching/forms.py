@@ -71,12 +71,12 @@ class Remat:
 
     Attributes:
       body: the program.
-      apart: operands that the backward pass must not take from the forward pass, so that it
-        computes anew instead of keeping; none before differentiation.
+      prevent_cse: indices of operands behind a barrier, so that the backward pass computes anew
+        what the forward pass has computed; none before differentiation.
     """
 
     body: Program
-    apart: tuple[int, ...]
+    prevent_cse: tuple[int, ...]
 
 
 @dataclass(frozen=True)

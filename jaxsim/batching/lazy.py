@@ -1,4 +1,4 @@
-"""Arrays that are put off until their use is known, and transposes, which some uses do without."""
+"""Lazy results of rules: computed at their first use, unless that takes them as they are."""
 
 import dataclasses
 

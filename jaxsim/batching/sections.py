@@ -21,8 +21,8 @@ from jax.interpreters import mlir
 
 from jaxsim.arrays import tuning
 from jaxsim.batching import jaxprs, registry
-from jaxsim.batching.concatenation import JOINING, with_parts_apart
-from jaxsim.batching.inline import (
+from jaxsim.batching.concatenation import JOINING, with_parts_first
+from jaxsim.batching.passes import (
     inlined,
     loop_invariant,
     num_invariant_operands,
@@ -51,31 +51,31 @@ def sectioned(f: Callable, platform: str) -> Callable:
         traced, shapes = jax.make_jaxpr(
             lambda *xs: f(*jax.tree.unflatten(tree, xs)), return_shape=True
         )(*leaves)
-        program = jaxprs.with_jaxpr(traced, functools.partial(_divided, fixed=0))
+        program = jaxprs.with_jaxpr(traced, functools.partial(_divided, num_invariant=0))
         return jax.tree.unflatten(jax.tree.structure(shapes), jex.jaxpr_as_fun(program)(*leaves))
 
     return divided
 
 
-def _divided(jaxpr, fixed: int):
-    """The program in sections; its first `fixed` operands and its constants are a loop's own."""
-    jaxpr = without_dead_code(inlined(jaxpr, fixed))
-    invariant = loop_invariant(jaxpr, fixed)
+def _divided(jaxpr, num_invariant: int):
+    """The program in sections; `num_invariant` operands, the first, are constant in its loop."""
+    jaxpr = without_dead_code(inlined(jaxpr, num_invariant))
+    invariant = loop_invariant(jaxpr, num_invariant)
     groups = list(_groups(jaxpr.eqns, invariant))
     users = _users(jaxpr, [group for group, _ in groups])
     views = {v: eqn for eqn in jaxpr.eqns for v in eqn.outvars if v in invariant and _is_view(eqn)}
     eqns = []
-    for place, (group, repays) in enumerate(groups):
+    for index, (group, repays) in enumerate(groups):
         if not repays:
             eqns += map(_inner_divided, group)
             continue
-        results = [v for eqn in group for v in eqn.outvars if users[v] - {place}]
+        results = [v for eqn in group for v in eqn.outvars if users[v] - {index}]
         eqns.append(_section([*_needed(group, views), *group], results))
     return jaxpr.replace(eqns=eqns)
 
 
 def _groups(eqns: Sequence, invariant: set) -> Iterator[tuple[list, bool]]:
-    """Equations in an order that is as good, in groups, and whether each becomes a section.
+    """The equations, in an order that changes nothing, in groups; and whether each is a section.
 
     What does not change from turn to turn of a loop is in no section: XLA takes it out of the loop.
     """
@@ -99,12 +99,12 @@ def _groups(eqns: Sequence, invariant: set) -> Iterator[tuple[list, bool]]:
 
 
 def _users(jaxpr, groups: Sequence[Sequence]) -> dict:
-    """For each variable the places of the groups that read it; that of the results is None."""
+    """For each variable the indices of the groups that read it; that of the results is None."""
     users = collections.defaultdict(set)
-    for place, group in enumerate(groups):
+    for index, group in enumerate(groups):
         for eqn in group:
             for v in variables(eqn.invars):
-                users[v].add(place)
+                users[v].add(index)
     for v in variables(jaxpr.outvars):
         users[v].add(None)
     return users
@@ -149,26 +149,28 @@ def _inner_divided(eqn):
     """The equation itself; of a long loop or branching, with its bodies in sections."""
     if eqn.effects or jaxprs.length([eqn]) < tuning.SECTION_MIN:
         return eqn
-    return jaxprs.with_bodies(eqn, functools.partial(_divided, fixed=num_invariant_operands(eqn)))
+    return jaxprs.with_bodies(
+        eqn, functools.partial(_divided, num_invariant=num_invariant_operands(eqn))
+    )
 
 
 def _section(eqns: Sequence, results: Sequence):
     """One equation for several."""
     made = {v for eqn in eqns for v in eqn.outvars}
     read = dict.fromkeys(v for eqn in eqns for v in variables(eqn.invars) if v not in made)
-    program = jaxprs.closed([*read], results, _parts_apart(eqns))
+    program = jaxprs.closed([*read], results, _parts_first(eqns))
     return jex.new_jaxpr_eqn([*read], results, section_p, {"program": program}, set())
 
 
-def _parts_apart(eqns: Sequence) -> list:
+def _parts_first(eqns: Sequence) -> list:
     """The equations, where parts of arrays are computed before they are put together."""
     made = {v for eqn in eqns if eqn.primitive.name not in (*VIEWS, *JOINING) for v in eqn.outvars}
-    apart = lambda jaxpr: jaxpr.replace(eqns=_parts_apart(jaxpr.eqns))  # noqa: E731
+    parts_first = lambda jaxpr: jaxpr.replace(eqns=_parts_first(jaxpr.eqns))  # noqa: E731
     new = []
     for eqn in eqns:
         if eqn.primitive.name in JOINING:
-            eqn = with_parts_apart(eqn, made)
-        new.append(jaxprs.with_bodies(eqn, apart))
+            eqn = with_parts_first(eqn, made)
+        new.append(jaxprs.with_bodies(eqn, parts_first))
     return new
 
 

@@ -7,7 +7,7 @@ import jax
 import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
-from jaxsim.batching.memo import is_traced, once_for_each
+from jaxsim.arrays.memo import is_traced, once_for_each
 from jaxsim.batching.sections import sectioned
 
 AXIS = "batch"

@@ -11,8 +11,8 @@ from jaxtyping import Array, Float
 
 from jaxsim.arrays import tuning
 from jaxsim.arrays.checkpoint import checkpoint
+from jaxsim.arrays.memo import is_traced
 from jaxsim.batching.mapping import vmap
-from jaxsim.batching.memo import is_traced
 from jaxsim.dynamics.components import motion_components
 from jaxsim.engine.status import Status
 from jaxsim.engine.stepping import scan_steps, step_with_status

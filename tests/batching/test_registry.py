@@ -39,6 +39,12 @@ def doubled():
 X = np.arange(6.0, dtype=np.float32).reshape(3, 2)
 
 
+def test_programs_inside_are_batched_by_rules():
+    """A primitive that can be read has a rule: `jax.vmap` of it would put the lanes in front."""
+    for name, known in registry._PRIMITIVES.items():
+        assert known.rule or not known.read, name
+
+
 def test_an_unknown_primitive_is_batched_by_jax(doubled):
     np.testing.assert_array_equal(jaxsim.vmap(lambda x: doubled(x))(X), 2 * X)
 

@@ -43,12 +43,11 @@ def remat(lanes, eqn, values, flags):
 
 
 def _read_remat(p):
-    body, apart = forms.program(p["jaxpr"]), p["prevent_cse"]
-    if isinstance(apart, bool):
-        apart = (apart,) * len(body.jaxpr.invars)
-    return forms.Remat(
-        body, tuple(i for i, flag in enumerate(apart) if flag and p["differentiated"])
-    )
+    body, flags = forms.program(p["jaxpr"]), p["prevent_cse"]
+    if isinstance(flags, bool):
+        flags = (flags,) * len(body.jaxpr.invars)
+    hidden = tuple(i for i, flag in enumerate(flags) if flag and p["differentiated"])
+    return forms.Remat(body, hidden)
 
 
 def _body(parameter: str):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from flax import struct
 
-from jaxsim.batching.memo import once_for_each
+from jaxsim.arrays.memo import once_for_each
 from jaxsim.parallel.devices import device_mesh, everywhere
 
 

@@ -1,4 +1,4 @@
-"""Programs written out: the equations of calls in their place, for a CPU.
+"""Passes over a traced program before it is divided: inlining, dead code, loop invariants.
 
 A call that stays one is a boundary for the compiler and for sections. What only JAX's derivatives
 and batches need of it, rules and alternatives for other platforms, has done its work here.
@@ -15,12 +15,12 @@ from jaxsim.batching import forms, jaxprs
 from jaxsim.batching.primitives.own_kernel import own_kernel_p
 
 
-def inlined(jaxpr, fixed: int):
-    """The program with the equations of its calls in their place, loops included.
+def inlined(jaxpr, num_invariant: int):
+    """The program with the equations of its calls in their place, within loops too.
 
-    Its first `fixed` operands are those that a loop around it does not change.
+    Its first `num_invariant` operands are those that a loop around it does not change.
     """
-    eqns, invariant = [], {*jaxpr.constvars, *jaxpr.invars[:fixed]}
+    eqns, invariant = [], {*jaxpr.constvars, *jaxpr.invars[:num_invariant]}
 
     def emit(eqn):
         invariant.update(_invariant_results(eqn, invariant))
@@ -32,13 +32,13 @@ def inlined(jaxpr, fixed: int):
 
         for eqn in inner.eqns:
             operands = [new(v) for v in eqn.invars]
-            barriers, operands = _apart(eqn, operands, invariant)
+            barriers, operands = _behind_barrier(eqn, operands, invariant)
             eqns.extend(barriers)
             call = _inlined_call(eqn, operands)
             if call is None:
                 made = [v if isinstance(v, jex.DropVar) else jex.Var(v.aval) for v in eqn.outvars]
                 eqn = jaxprs.with_bodies(
-                    eqn, functools.partial(inlined, fixed=num_invariant_operands(eqn))
+                    eqn, functools.partial(inlined, num_invariant=num_invariant_operands(eqn))
                 )
                 emit(eqn.replace(invars=operands, outvars=made))
             else:
@@ -69,14 +69,16 @@ def _inlined_call(eqn, operands: Sequence):
     return None if body is None or body.consts else (body.jaxpr, given)
 
 
-def _apart(eqn, operands: Sequence, invariant: set) -> tuple[list, Sequence]:
-    """Operands, hidden where a backward pass must not take them from the forward pass, and how.
+def _behind_barrier(eqn, operands: Sequence, invariant: set) -> tuple[list, Sequence]:
+    """The barrier before a backward pass that recomputes, if it needs one, and the new operands.
 
-    Loop-invariant ones are left: what is computed of them is taken out of the loop.
+    Without it XLA would find that the forward pass has computed the same, and keep that instead.
+    Loop-invariant operands need none: what is computed of them is moved out of the loop.
     """
     form = forms.read(eqn)
-    apart = form.apart if isinstance(form, forms.Remat) else ()
-    hidden = dict.fromkeys(v for v in variables([operands[i] for i in apart]) if v not in invariant)
+    recomputing = form.prevent_cse if isinstance(form, forms.Remat) else ()
+    candidates = variables([operands[i] for i in recomputing])
+    hidden = dict.fromkeys(v for v in candidates if v not in invariant)
     if not hidden:
         return [], operands
     traced = jax.make_jaxpr(lax.optimization_barrier)([v.aval for v in hidden])
@@ -96,9 +98,9 @@ def without_dead_code(jaxpr):
     return jaxpr.replace(eqns=eqns[::-1])
 
 
-def loop_invariant(jaxpr, fixed: int) -> set:
-    """Variables that do not depend on operands other than the first `fixed`."""
-    invariant = {*jaxpr.constvars, *jaxpr.invars[:fixed]}
+def loop_invariant(jaxpr, num_invariant: int) -> set:
+    """Variables that do not depend on operands other than the first `num_invariant`."""
+    invariant = {*jaxpr.constvars, *jaxpr.invars[:num_invariant]}
     for eqn in jaxpr.eqns:
         invariant.update(_invariant_results(eqn, invariant))
     return invariant
@@ -111,8 +113,8 @@ def _invariant_results(eqn, invariant: set) -> Sequence:
 def num_invariant_operands(eqn) -> int:
     """How many operands of its body a loop does not change."""
     match forms.read(eqn):
-        case forms.Scan(num_consts=fixed) | forms.While(num_body_consts=fixed):
-            return fixed
+        case forms.Scan(num_consts=num_invariant) | forms.While(num_body_consts=num_invariant):
+            return num_invariant
     return 0
 
 
