@@ -35,5 +35,5 @@ class LazyTranspose(Lazy):
 
     def labels(self, labels: tuple[int, ...]) -> tuple[int, ...]:
         """Labels of the array's axes, from those of the transpose's."""
-        place = sorted(range(len(self.order)), key=self.order.__getitem__)
-        return tuple(labels[i] for i in place)
+        inverse = sorted(range(len(self.order)), key=self.order.__getitem__)
+        return tuple(labels[i] for i in inverse)
