@@ -107,6 +107,9 @@ ELEMENTS = {
         <body mocap='true'/>
         <body><freejoint/><geom type='cylinder' size='.1 .2'/></body>
         <geom type='plane' size='0 0 1'/>
+        <body><freejoint/><geom type='ellipsoid' size='.1 .2 .3'/></body>
+        <body><freejoint/><geom type='box' size='.1 .1 0'/></body>
+        <geom type='hfield' hfield='hills'/>
         <body><composite type='cable' count='3 1 1' size='1'/></body>
         <attach model='none'/>
         <replicate count='3' offset='1 0 0'><geom size='.1'/></replicate>
@@ -125,6 +128,8 @@ ELEMENTS = {
     "mujoco": """
         <default/>
         <asset/>
+        <asset><hfield name='hills' nrow='3' ncol='3' size='1 1 1 1'/></asset>
+        <asset><mesh name='flat' vertex='0 0 0 1 0 0 0 1 0'/></asset>
         <contact/>
         <equality/>
         <tendon/>

