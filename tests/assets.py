@@ -12,7 +12,6 @@ FOLDERS = {
 # Why some models cannot be loaded: parts of the messages.
 UNSUPPORTED = (
     "armature is not supported",
-    "spatial tendons are not supported",
     "mass matrix is singular",
     "may collide",
 )

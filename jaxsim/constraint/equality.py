@@ -8,11 +8,11 @@ import numpy as np
 from jaxsim.arrays.indexing import take
 from jaxsim.arrays.norms import safe_norm
 from jaxsim.constraint.block import Block, RowType
-from jaxsim.constraint.impedance import response
-from jaxsim.constraint.jacobian import DenseRows, link_rows, row_velocity
+from jaxsim.constraint.impedance import inverse_where, response
+from jaxsim.constraint.jacobian import DenseRows, link_rows, moves_anything, row_velocity
 from jaxsim.constraint.points import Ends, bias_acceleration, ends, twist_rows
 from jaxsim.dynamics.motion import Motion
-from jaxsim.dynamics.tendon import tendon_jacobian, tendon_length
+from jaxsim.dynamics.tendon import tendon_jacobian
 from jaxsim.model.dof_order import to_tree_order
 from jaxsim.solver import Quadratic
 from jaxsim.spatial import quat_conj, quat_mul
@@ -162,12 +162,13 @@ def _tendon(motion: Motion, ids: np.ndarray) -> Block:
     """One tendon's length is a polynomial of another's, or constant."""
     model = motion.model
     both = model.eq_obj1id[ids], np.maximum(model.eq_obj2id[ids], 0)
-    stretch = tendon_length(model, motion.qpos) - model.tendon_length0
+    stretch = motion.kin.ten_length - model.tendon_length0
+    rows = tendon_jacobian(model, motion.kin)
     return _polynomial(
         motion,
         ids,
         [take(stretch, t) for t in both],
-        [take(tendon_jacobian(model), t) for t in both],
+        [take(rows, t) for t in both],
         [take(model.tendon_invweight0, t) for t in both],
         RowType.TENDON,
     )
@@ -197,4 +198,5 @@ def _polynomial(motion: Motion, ids, value, J, weight, type_: RowType) -> Block:
     weights = weight[0] + paired * weight[1]
     inputs = take(model.eq_solref, ids), take(model.eq_solimp, ids), violation, velocity, weights
     aref, R = jax.vmap(row)(*inputs)
-    return Block(Quadratic(aref, 1 / R), jacobian, type_, tuple(ids.tolist()))
+    D = inverse_where(moves_anything(rows), R)
+    return Block(Quadratic(aref, D), jacobian, type_, tuple(ids.tolist()))

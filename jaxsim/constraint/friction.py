@@ -35,7 +35,9 @@ def friction_blocks(motion: Motion) -> list[Block]:
         )
         blocks.append(_block(motion, rows, dofs, parameters, RowType.FRICTION_DOF))
     if len(tendons):
-        rows = DenseRows(to_tree_order(model, take(tendon_jacobian(model), tendons).T).T)
+        rows = DenseRows(
+            to_tree_order(model, take(tendon_jacobian(model, motion.kin), tendons).T).T
+        )
         parameters = (
             model.tendon_solref_fri,
             model.tendon_solimp_fri,

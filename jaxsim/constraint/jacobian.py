@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from flax import struct
 from jax import lax
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from jaxsim.arrays.indexing import gather_or_zero, sum_by, take
 from jaxsim.batching.primitives.decisions import index_of_nth, nonzero_in_batch, serial_or_parallel
@@ -65,6 +65,11 @@ class Jacobian(Protocol):
 def row_velocity(motion: Motion, jacobian: Jacobian) -> Array:
     """`J qvel` of a block of rows."""
     return jacobian.apply(to_tree_order(motion.model, motion.qvel), motion.vel.cvel)
+
+
+def moves_anything(J: Float[Array, "n nv"]) -> Bool[Array, "n"]:
+    """Which rows are not zero. What moves nothing has no inertia either, and no finite force."""
+    return jnp.any(J != 0, axis=1)
 
 
 @struct.dataclass

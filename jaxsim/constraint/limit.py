@@ -4,13 +4,14 @@ import jax
 import jax.numpy as jnp
 import mujoco
 import numpy as np
+from jaxtyping import Array
 
 from jaxsim.arrays.indexing import take
 from jaxsim.constraint.block import Block, RowType
 from jaxsim.constraint.impedance import inverse_where, response
-from jaxsim.constraint.jacobian import DenseRows, DofRows, row_velocity
+from jaxsim.constraint.jacobian import DenseRows, DofRows, moves_anything, row_velocity
 from jaxsim.dynamics.motion import Motion
-from jaxsim.dynamics.tendon import tendon_jacobian, tendon_length
+from jaxsim.dynamics.tendon import tendon_jacobian
 from jaxsim.joints import JOINTS
 from jaxsim.joints.grouping import alike, position_rows
 from jaxsim.model import Model
@@ -57,11 +58,11 @@ def _rows(model: Model, gradient, dofs: np.ndarray):
 def _tendons(motion: Motion, ids: np.ndarray) -> Block:
     """Tendon lengths within their range."""
     model = motion.model
-    length, bounds = take(tendon_length(model, motion.qpos), ids), take(model.tendon_range, ids)
+    length, bounds = take(motion.kin.ten_length, ids), take(model.tendon_range, ids)
     violation, J = _nearer_end(
         length - bounds[:, 0],
         bounds[:, 1] - length,
-        take(tendon_jacobian(model), ids),
+        take(tendon_jacobian(model, motion.kin), ids),
         take(model.tendon_margin, ids),
     )
     parameters = (
@@ -70,7 +71,7 @@ def _tendons(motion: Motion, ids: np.ndarray) -> Block:
         take(model.tendon_invweight0, ids),
     )
     rows = DenseRows(to_tree_order(model, J.T).T)
-    return _block(motion, ids, rows, violation, parameters, RowType.LIMIT_TENDON)
+    return _block(motion, ids, rows, violation, parameters, RowType.LIMIT_TENDON, moves_anything(J))
 
 
 def _nearer_end(lower, upper, gradient, margin):
@@ -92,15 +93,23 @@ def _joint_block(motion: Motion, ids: np.ndarray, jacobian, violation) -> Block:
     return _block(motion, ids, jacobian, violation, parameters, RowType.LIMIT_JOINT)
 
 
-def _block(motion: Motion, ids, jacobian, violation, parameters, type_: RowType) -> Block:
-    """Rows that are active where their violation is negative."""
+def _block(
+    motion: Motion,
+    ids,
+    jacobian,
+    violation,
+    parameters,
+    type_: RowType,
+    movable: Array | bool = True,
+) -> Block:
+    """Rows that are active where their violation is negative and something can move."""
     velocity = row_velocity(motion, jacobian)
 
-    def row(violation, velocity, solref, solimp, weight):
+    def row(active, violation, velocity, solref, solimp, weight):
         r = response(motion.model.opt, solref, solimp, violation)
-        active = violation < 0
         aref = jnp.where(active, r.reference(velocity, violation), 0.0)
         return aref, inverse_where(active, r.regularisation(weight))
 
-    aref, D = jax.vmap(row)(violation, velocity, *parameters)
+    active = (violation < 0) & movable
+    aref, D = jax.vmap(row)(active, violation, velocity, *parameters)
     return Block(Unilateral(aref=aref, D=D), jacobian, type_, tuple(ids.tolist()))

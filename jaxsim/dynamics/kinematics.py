@@ -8,7 +8,10 @@ from jaxtyping import Array, Float
 
 from jaxsim.arrays.constants import MINVAL
 from jaxsim.arrays.indexing import take
+from jaxsim.dynamics.fixed_tendon import fixed_length
 from jaxsim.dynamics.links import Links, link_parameters
+from jaxsim.dynamics.spatial_tendon import spatial_paths
+from jaxsim.dynamics.tendon_path import spatial_tendons
 from jaxsim.dynamics.tree import accumulate_inward, outward
 from jaxsim.joints.grouping import per_joint, position_rows
 from jaxsim.model import Model
@@ -20,10 +23,10 @@ from jaxsim.spatial import Inertia, Pose, quat_normalize, quat_to_matrix
 class Kinematics:
     """Where everything is, in world coordinates; names, shapes and order are MuJoCo's.
 
-    The last group is what the recursions work on: twists, wrenches and inertias in world axes
-    about the reference point of each tree, links and degrees of freedom in tree order. The
-    reference point is the origin of the tree's first body, which keeps float32 accurate far from
-    the world's origin.
+    `spatial_J` has the rows of MuJoCo's `ten_J` for spatial tendons alone. What follows is what the
+    recursions work on: twists, wrenches and inertias in world axes about the reference point of
+    each tree, links and degrees of freedom in tree order. The reference point is the origin of the
+    tree's first body, which keeps float32 accurate far from the world's origin.
     """
 
     xpos: Float[Array, "nbody 3"]
@@ -36,7 +39,9 @@ class Kinematics:
     site_xpos: Float[Array, "nsite 3"]
     site_xmat: Float[Array, "nsite 3 3"]
     subtree_com: Float[Array, "nbody 3"]
+    ten_length: Float[Array, "ntendon"]
 
+    spatial_J: Float[Array, "nspatial nv"]
     origin: Float[Array, "ntree 3"]
     link_pose: Pose
     cdof: Float[Array, "nv 6"]
@@ -50,7 +55,7 @@ def kinematics(
     mocap_quat: Float[Array, "nmocap 4"] | None = None,
     links: Links | None = None,
 ) -> Kinematics:
-    """Poses of bodies, geoms and sites, motion axes and link inertias.
+    """Poses of bodies, geoms and sites, lengths of tendons, motion axes and link inertias.
 
     Args:
       model: the model.
@@ -73,7 +78,7 @@ def kinematics(
     # The roots' numbers are static, so this is a copy for one tree and a gather for many.
     relative = pose.pos - take(origin, model.tree.root)
     mat = jax.vmap(quat_to_matrix)(pose.quat)
-    return Kinematics(
+    poses = Kinematics(
         xpos=body.pos,
         xquat=body.quat,
         xmat=xmat,
@@ -84,11 +89,17 @@ def kinematics(
         site_xpos=sites[0],
         site_xmat=sites[1],
         subtree_com=_subtree_com(model, xipos),
+        ten_length=fixed_length(model, qpos),
+        spatial_J=jnp.zeros((0, model.nv), qpos.dtype),
         origin=origin,
         link_pose=pose,
         cdof=_motion_axes(model.tree, links, mat, relative),
         inertia=jax.vmap(_world_inertia)(links.inertia, mat, relative),
     )
+    if not len(spatial_tendons(model)):
+        return poses
+    length, jacobian = spatial_paths(model, poses)
+    return poses.replace(ten_length=poses.ten_length + length, spatial_J=jacobian)
 
 
 def reference_links(model: Model) -> np.ndarray:

@@ -1,44 +1,40 @@
-"""Fixed tendons: lengths that are linear combinations of joint positions."""
+"""Tendons of both kinds: rates of their lengths, and what forces along them do to the joints.
+
+Lengths are in `Kinematics.ten_length`. A fixed tendon has few joints and a constant Jacobian, which
+is never built where products suffice; the Jacobian of the spatial ones is in `Kinematics`.
+"""
 
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsim.arrays.indexing import sum_by, take
+from jaxsim.arrays.indexing import take
+from jaxsim.dynamics.fixed_tendon import fixed_force_on_joints, fixed_jacobian, fixed_velocity
+from jaxsim.dynamics.kinematics import Kinematics
+from jaxsim.dynamics.tendon_path import spatial_tendons
 from jaxsim.model import Model
 
 
-def tendon_length(model: Model, qpos: Float[Array, "nq"]) -> Float[Array, "ntendon"]:
-    """Lengths `sum_j coef_j q_j`, in the units of the joints."""
-    wraps, tendons = _wraps(model)
-    positions = take(qpos, model.jnt_qposadr[model.wrap_objid[wraps]])
-    return sum_by(take(model.wrap_prm, wraps) * positions, tendons, model.ntendon)
-
-
-def tendon_velocity(model: Model, qvel: Float[Array, "nv"]) -> Float[Array, "ntendon"]:
+def tendon_velocity(
+    model: Model, kin: Kinematics, qvel: Float[Array, "nv"]
+) -> Float[Array, "ntendon"]:
     """Rates of the lengths, `J qvel`."""
-    wraps, tendons = _wraps(model)
-    rates = take(qvel, model.jnt_dofadr[model.wrap_objid[wraps]])
-    return sum_by(take(model.wrap_prm, wraps) * rates, tendons, model.ntendon)
+    fixed, spatial = fixed_velocity(model, qvel), spatial_tendons(model)
+    if not len(spatial):
+        return fixed
+    return fixed.at[spatial].set(kin.spatial_J @ qvel, unique_indices=True)
 
 
-def tendon_force_on_joints(model: Model, tension: Float[Array, "ntendon"]) -> Float[Array, "nv"]:
+def tendon_force_on_joints(
+    model: Model, kin: Kinematics, tension: Float[Array, "ntendon"]
+) -> Float[Array, "nv"]:
     """Generalised forces `J^T f` of forces along the tendons, positive if they lengthen."""
-    wraps, tendons = _wraps(model)
-    each = take(model.wrap_prm, wraps) * take(tension, tendons)
-    return sum_by(each, model.jnt_dofadr[model.wrap_objid[wraps]], model.nv)
+    fixed, spatial = fixed_force_on_joints(model, tension), spatial_tendons(model)
+    return fixed + take(tension, spatial) @ kin.spatial_J if len(spatial) else fixed
 
 
-def tendon_jacobian(model: Model) -> Float[Array, "ntendon nv"]:
-    """J, the constant derivative of the lengths; rows are tendons."""
-    wraps, tendons = _wraps(model)
-    dofs = model.jnt_dofadr[model.wrap_objid[wraps]]
-    zero = jnp.zeros((model.ntendon, model.nv), model.wrap_prm.dtype)
-    return zero.at[tendons, dofs].add(take(model.wrap_prm, wraps))
-
-
-def _wraps(model: Model) -> tuple[np.ndarray, np.ndarray]:
-    """Indices of the wrap objects of all tendons, and the tendon of each; static."""
-    spans = [a + np.arange(n) for a, n in zip(model.tendon_adr, model.tendon_num, strict=True)]
-    wraps = np.concatenate([np.zeros(0, int), *spans]).astype(int)
-    return wraps, np.repeat(np.arange(model.ntendon), model.tendon_num)
+def tendon_jacobian(model: Model, kin: Kinematics) -> Float[Array, "ntendon nv"]:
+    """J, the derivative of the lengths; rows are tendons."""
+    spatial = spatial_tendons(model)
+    if len(spatial) == model.ntendon:
+        return jnp.asarray(kin.spatial_J)
+    return fixed_jacobian(model).at[spatial].set(kin.spatial_J, unique_indices=True)

@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 from jaxsim.arrays.indexing import sum_by, take
 from jaxsim.dynamics.jacobian import site_jacobian
 from jaxsim.dynamics.kinematics import Kinematics
-from jaxsim.dynamics.tendon import tendon_jacobian, tendon_length
+from jaxsim.dynamics.tendon import tendon_jacobian
 from jaxsim.joints import JOINTS
 from jaxsim.joints.grouping import per_joint, position_rows
 from jaxsim.model import Model
@@ -49,15 +49,19 @@ def transmission(model: Model, kin: Kinematics, qpos: Float[Array, "nq"]) -> Tra
       qpos: coordinates.
     """
     scalar, other = scalar_actuators(model)
+    on_tendon = model.actuator_trntype[other] == TENDON
+    ids = np.concatenate([other[on_tendon], other[~on_tendon]])
     length, gear = _scalar(model, qpos, scalar)
-    lengths, rows = [length], [jnp.zeros((0, model.nv), gear.dtype)]
-    for i in other:
+    of_tendons = _tendons(model, kin, other[on_tendon])
+    lengths, rows = [length, of_tendons[0]], [of_tendons[1]]
+    for i in other[~on_tendon]:
         length, row = _one(model, kin, qpos, int(i))
         lengths.append(length[None])
         rows.append(row[None])
-    order = np.argsort(np.concatenate([scalar, other]))
     return Transmission(
-        length=take(jnp.concatenate(lengths), order), gear=gear, rows=jnp.concatenate(rows)
+        length=take(jnp.concatenate(lengths), np.argsort(np.concatenate([scalar, ids]))),
+        gear=gear,
+        rows=take(jnp.concatenate(rows), np.argsort(ids)),
     )
 
 
@@ -119,13 +123,19 @@ def _scalar(model: Model, qpos, ids: np.ndarray):
     return length, moment[:, 0]
 
 
+def _tendons(model: Model, kin: Kinematics, ids: np.ndarray):
+    """Lengths and rows of actuators of tendons."""
+    gear, tendon = take(model.actuator_gear[:, 0], ids), model.actuator_trnid[ids, 0]
+    if not len(ids):
+        return gear, jnp.zeros((0, model.nv), gear.dtype)
+    rows = take(tendon_jacobian(model, kin), tendon)
+    return gear * take(kin.ten_length, tendon), gear[:, None] * rows
+
+
 def _one(model: Model, kin: Kinematics, qpos, i: int):
     """Length and row of any other actuator."""
     kind, gear = int(model.actuator_trntype[i]), model.actuator_gear[i]
     target, reference = (int(k) for k in model.actuator_trnid[i])
-    if kind == TENDON:
-        length, row = tendon_length(model, qpos)[target], tendon_jacobian(model)[target]
-        return gear[0] * length, gear[0] * row
     if kind == SITE and reference < 0:
         return jnp.zeros_like(gear[0]), _site_row(model, kin, gear, target, kin.site_xmat[target])
     if kind == SITE:

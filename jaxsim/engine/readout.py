@@ -6,7 +6,7 @@ from jaxtyping import Array, Float
 
 from jaxsim.constraint import Constrained, RowType
 from jaxsim.dynamics.motion import Motion
-from jaxsim.dynamics.tendon import tendon_length, tendon_velocity
+from jaxsim.dynamics.tendon import tendon_velocity
 from jaxsim.engine.instant import Instant
 from jaxsim.forces.external import external_wrench
 from jaxsim.model import State
@@ -23,8 +23,8 @@ def read_sensors(
         motion=motion,
         time=state.time,
         energy=energy,
-        tendon_length=tendon_length(model, state.qpos),
-        tendon_velocity=tendon_velocity(model, state.qvel),
+        tendon_length=motion.kin.ten_length,
+        tendon_velocity=tendon_velocity(model, motion.kin, state.qvel),
         actuator_length=acting.actuator_length,
         actuator_velocity=acting.actuator_velocity,
         actuator_force=acting.actuator_force,

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 from flax import struct
 from jaxtyping import Array, Float
 
-from jaxsim.dynamics.tendon import tendon_length, tendon_velocity
+from jaxsim.dynamics.fixed_tendon import fixed_length, fixed_velocity
 from jaxsim.envs.base.env import Task, static
 from jaxsim.envs.base.moment import Moment
 from jaxsim.envs.base.start import uniform_start
@@ -45,8 +45,8 @@ class WholeBody(Task):
         return {
             "x_position": now.qpos[0],
             "y_position": now.qpos[1],
-            "tendon_length": tendon_length(self.model, now.last.qpos),
-            "tendon_velocity": tendon_velocity(self.model, now.last.qvel),
+            "tendon_length": fixed_length(self.model, now.last.qpos),
+            "tendon_velocity": fixed_velocity(self.model, now.last.qvel),
         }
 
 

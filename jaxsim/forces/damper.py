@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsim.arrays.polynomial import damping_force, damping_slope
+from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.reflected import dof_damping, tendon_damping
 from jaxsim.dynamics.tendon import tendon_force_on_joints, tendon_velocity
 from jaxsim.dynamics.transmission import TENDON
@@ -16,14 +17,14 @@ _DOF_DAMPING = ("dof_damping", "dof_dampingpoly", "actuator_damping", "actuator_
 _DAMPER = mujoco.mjtDisableBit.mjDSBL_DAMPER
 
 
-def qfrc_damper(model: Model, qvel: Float[Array, "nv"]) -> Float[Array, "nv"]:
+def qfrc_damper(model: Model, kin: Kinematics, qvel: Float[Array, "nv"]) -> Float[Array, "nv"]:
     """Forces `-k(|v|) v` of all dampers, those of actuators included."""
     if model.opt.disabled(_DAMPER):
         return jnp.zeros_like(qvel)
     force = damping_force(*dof_damping(model), qvel)
     if has_tendon_damping(model):
-        along = damping_force(*tendon_damping(model), tendon_velocity(model, qvel))
-        force = force + tendon_force_on_joints(model, along)
+        along = damping_force(*tendon_damping(model), tendon_velocity(model, kin, qvel))
+        force = force + tendon_force_on_joints(model, kin, along)
     return force
 
 
@@ -40,11 +41,13 @@ def damps_dofs(model: Model, *numbers: np.ndarray) -> bool | None:
     return any(x.any() for x in numbers)
 
 
-def tendon_damping_slope(model: Model, qvel: Float[Array, "nv"]) -> Float[Array, "ntendon"]:
+def tendon_damping_slope(
+    model: Model, kin: Kinematics, qvel: Float[Array, "nv"]
+) -> Float[Array, "ntendon"]:
     """The tendons' dampers: b of `-d force / d qvel = J^T diag(b) J`."""
     if model.opt.disabled(_DAMPER):
         return jnp.zeros_like(model.tendon_damping)
-    return damping_slope(*tendon_damping(model), tendon_velocity(model, qvel))
+    return damping_slope(*tendon_damping(model), tendon_velocity(model, kin, qvel))
 
 
 def has_tendon_damping(model: Model) -> bool:

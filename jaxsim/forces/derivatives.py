@@ -63,8 +63,8 @@ def smooth_damping(
             rows = actuation.transmission.rows
             dense = -(rows.T * slope[others][None]) @ rows
     if has_tendon_damping(model):
-        J = tendon_jacobian(model)
-        along = (J.T * tendon_damping_slope(model, qvel)[None]) @ J
+        J = tendon_jacobian(model, kin)
+        along = (J.T * tendon_damping_slope(model, kin, qvel)[None]) @ J
         dense = along if dense is None else dense + along
     drag = link_drag(model, kin, vel) if has_fluid(model) else None
     if dense is not None:

@@ -49,7 +49,7 @@ def passive_forces(
       qpos: coordinates.
       qvel: velocities.
     """
-    spring, damper = qfrc_spring(model, qpos), qfrc_damper(model, qvel)
+    spring, damper = qfrc_spring(model, kin, qpos), qfrc_damper(model, kin, qvel)
     gravcomp, fluid = qfrc_gravcomp(model, kin), qfrc_fluid(model, kin, vel)
     passive = ~np.asarray(model.jnt_actgravcomp, bool)[model.dof_jntid]
     return PassiveForces(

@@ -5,7 +5,8 @@ import mujoco
 from jaxtyping import Array, Float
 
 from jaxsim.arrays.polynomial import poly_coefficient, spring_force
-from jaxsim.dynamics.tendon import tendon_force_on_joints, tendon_length
+from jaxsim.dynamics.kinematics import Kinematics
+from jaxsim.dynamics.tendon import tendon_force_on_joints
 from jaxsim.joints import Joint
 from jaxsim.joints.grouping import per_joint, position_rows
 from jaxsim.model import Model
@@ -13,7 +14,7 @@ from jaxsim.model import Model
 _SPRING = mujoco.mjtDisableBit.mjDSBL_SPRING
 
 
-def qfrc_spring(model: Model, qpos: Float[Array, "nq"]) -> Float[Array, "nv"]:
+def qfrc_spring(model: Model, kin: Kinematics, qpos: Float[Array, "nq"]) -> Float[Array, "nv"]:
     """Forces `-k(x) x` of all springs, x measured from `qpos_spring` in the joint's coordinates.
 
     The deflection of a rotation is a rotation vector. The polynomial depends on the length of each
@@ -23,7 +24,7 @@ def qfrc_spring(model: Model, qpos: Float[Array, "nq"]) -> Float[Array, "nv"]:
         return jnp.zeros_like(model.dof_damping)
     force = _joint_springs(model, qpos)
     if model.ntendon:
-        force = force + tendon_force_on_joints(model, _tendon_springs(model, qpos))
+        force = force + tendon_force_on_joints(model, kin, _tendon_springs(model, kin))
     return force
 
 
@@ -44,9 +45,9 @@ def _joint_springs(model: Model, qpos) -> Float[Array, "nv"]:
     )
 
 
-def _tendon_springs(model: Model, qpos) -> Float[Array, "ntendon"]:
+def _tendon_springs(model: Model, kin: Kinematics) -> Float[Array, "ntendon"]:
     """Slack inside the range `lengthspring`, `-k(x) x` beyond its ends."""
-    length = tendon_length(model, qpos)
+    length = kin.ten_length
     lower, upper = model.tendon_lengthspring[:, 0], model.tendon_lengthspring[:, 1]
     beyond = jnp.where(length < lower, length - lower, 0.0)
     x = jnp.where(length > upper, length - upper, beyond)

@@ -57,7 +57,9 @@ def build(mj: mujoco.MjModel, drop_pairs: bool = False) -> Model:
         warnings.warn(f"these pairs of geoms pass through each other: {dropped}", stacklevel=3)
     structure = Structure(
         sizes={name: int(getattr(mj, name)) for name in SIZES},
-        arrays={name: _static_array(mj, name) for name in ARRAYS} | hull_tables(mj, names.label),
+        arrays={name: _static_array(mj, name) for name in ARRAYS}
+        | hull_tables(mj, names.label)
+        | {"wrap_sideid": _side_sites(mj)},
         names=names,
         source=copy.copy(mj),
         drops_pairs=drop_pairs,
@@ -82,6 +84,15 @@ def _leaf(value) -> Any:
 def _static_array(mj: mujoco.MjModel, name: str) -> np.ndarray:
     value = np.array(getattr(mj, name))
     return value if value.dtype == bool else value.astype(np.int64)
+
+
+def _side_sites(mj: mujoco.MjModel) -> np.ndarray:
+    """(nwrap,) the side sites of surfaces that tendons wrap around, which MuJoCo keeps as numbers.
+
+    -1 where there is none.
+    """
+    surface = np.isin(mj.wrap_type, (mujoco.mjtWrap.mjWRAP_SPHERE, mujoco.mjtWrap.mjWRAP_CYLINDER))
+    return np.where(surface, np.round(mj.wrap_prm), -1).astype(np.int64)
 
 
 def _option(opt) -> Option:

@@ -12,7 +12,7 @@ from jaxsim.dynamics.aba import solve_mass
 from jaxsim.dynamics.crba import composite_mass_matrix
 from jaxsim.dynamics.jacobian import body_jacobians
 from jaxsim.dynamics.kinematics import Kinematics, kinematics
-from jaxsim.dynamics.tendon import tendon_jacobian, tendon_length
+from jaxsim.dynamics.tendon import tendon_jacobian
 from jaxsim.dynamics.transmission import actuator_moment, transmission
 from jaxsim.dynamics.tree import accumulate_inward
 from jaxsim.joints import JOINTS
@@ -121,11 +121,11 @@ def _equality_poses(model: Model, kin: Kinematics) -> Float[Array, "neq 12"]:
 
 def _path_constants(model: Model, kin: Kinematics, inverse) -> Model:
     """Lengths and inverse inertias along tendons and actuators."""
-    J = tendon_jacobian(model)
+    J = tendon_jacobian(model, kin)
     paths = transmission(model, kin, model.qpos0)
     moment = actuator_moment(model, paths)
     return model.replace(
-        tendon_length0=tendon_length(model, model.qpos0),
+        tendon_length0=kin.ten_length,
         tendon_invweight0=jnp.sum(J * inverse(J), axis=1),
         actuator_length0=paths.length,
         actuator_acc0=jnp.sqrt(_positive(jnp.sum(inverse(moment) ** 2, axis=1))),

@@ -68,7 +68,6 @@ def unsupported(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
     for kind, attribute, values, remedy in _attributes(mj):
         for i in rows(np.asarray(values) != 0):
             yield Problem(label(kind, i), f"{attribute} is not supported; {remedy}")
-    yield from _tendons(mj, label)
     yield from _limits(mj, label)
     yield from _sensors(mj, label)
 
@@ -123,16 +122,6 @@ def _attributes(mj: mujoco.MjModel) -> tuple[tuple[str, str, np.ndarray, str], .
         ("sensor", "delay", mj.sensor_delay, remove),
         ("sensor", "interval", mj.sensor_interval, remove),
     )
-
-
-def _tendons(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
-    joint = int(mujoco.mjtWrap.mjWRAP_JOINT)
-    for t in range(mj.ntendon):
-        path = mj.wrap_type[mj.tendon_adr[t] : mj.tendon_adr[t] + mj.tendon_num[t]]
-        if (path != joint).any():
-            yield Problem(
-                label("tendon", t), "spatial tendons are not supported; use a fixed tendon"
-            )
 
 
 def _limits(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:

@@ -39,7 +39,8 @@ ARRAYS = (
 class Structure:
     """Sizes, types, addresses, flags and names of a model, immutable and hashable.
 
-    Every field has MuJoCo's name and value; arrays are read-only numpy arrays. The link tree
+    Every field has MuJoCo's name and value, but for `wrap_sideid`, the side site of each surface
+    that a tendon wraps around (-1: none); arrays are read-only numpy arrays. The link tree
     (`tree`) and the body tree (`body_tree`) are derived from them, and so are facts that other
     packages declare (see `jaxsim.model.facts`), which are kept in `facts`. The compiled `source` is
     kept for drawing and for the way back to MuJoCo; it takes no part in comparisons.

@@ -13,7 +13,6 @@ from jaxsim.arrays.polynomial import spring_energy
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.dynamics.rnea import gravity
-from jaxsim.dynamics.tendon import tendon_length
 from jaxsim.dynamics.velocity import Velocities
 from jaxsim.joints import Joint
 from jaxsim.joints.grouping import per_joint, position_rows
@@ -41,7 +40,7 @@ def potential_energy(model: Model, kin: Kinematics, qpos: Float[Array, "nq"]) ->
     energy = gravity_energy(model, kin)
     if model.opt.disabled(_SPRING_OFF):
         return energy
-    return energy + joint_spring_energy(model, qpos) + tendon_spring_energy(model, qpos)
+    return energy + joint_spring_energy(model, qpos) + tendon_spring_energy(model, kin)
 
 
 def gravity_energy(model: Model, kin: Kinematics) -> Float[Array, ""]:
@@ -70,9 +69,9 @@ def joint_spring_energy(model: Model, qpos: Float[Array, "nq"]) -> Float[Array, 
     ).sum()
 
 
-def tendon_spring_energy(model: Model, qpos: Float[Array, "nq"]) -> Float[Array, ""]:
+def tendon_spring_energy(model: Model, kin: Kinematics) -> Float[Array, ""]:
     """Energy of the tendons' springs, which are slack inside `tendon_lengthspring`."""
-    length = tendon_length(model, qpos)
+    length = kin.ten_length
     low, high = model.tendon_lengthspring.T
     x = length - jnp.clip(length, low, high)
     springs = (model.tendon_stiffness, model.tendon_stiffnesspoly, x[:, None])

@@ -71,7 +71,7 @@ def quantities(model, qpos, qvel, qacc):
         "subtree_angmom": angmom,
         "jacobians": body_jacobians(model, kin, kin.xipos),
         "xipos": kin.xipos,
-        "spring": qfrc_spring(model, qpos),
+        "spring": qfrc_spring(model, kin, qpos),
         "potential_gradient": jax.grad(lambda dq: _potential(model, qpos, dq))(0 * qvel),
         "rate": _rates(model, qpos, qvel, qacc),
     }

@@ -40,6 +40,22 @@ JOINED = """
 """
 
 
+SPATIAL = """
+<mujoco>
+  <worldbody>
+    <site name="w" pos="-.1 .3 .4"/>
+    <body pos="0 0 .2"><joint axis="0 1 0"/><geom name="g" type="cylinder" size=".05 .2"/>
+      <body pos=".3 0 0"><joint axis="0 1 1"/><geom size=".05"/>
+        <site name="s" pos="0 -.2 0"/></body>
+    </body>
+  </worldbody>
+  <tendon><spatial name="t"><site site="w"/><geom geom="g"/><site site="s"/><pulley divisor="2"/>
+    <site site="s"/><site site="w"/></spatial></tendon>
+  <actuator><motor tendon="t" gear="3"/></actuator>
+</mujoco>
+"""
+
+
 def compute(model):
     found = jaxsim.set_const(model)
     return {name: getattr(found, name) for name in CONSTANTS}
@@ -61,6 +77,9 @@ def changes(mj: mujoco.MjModel, rng) -> dict[str, np.ndarray]:
         name: grown(getattr(mj, name))
         for name in ("body_mass", "dof_armature", "wrap_prm", "actuator_gear")
     }
+    # Of a surface that a tendon wraps around, it is the number of the side site.
+    surface = np.isin(mj.wrap_type, (mujoco.mjtWrap.mjWRAP_SPHERE, mujoco.mjtWrap.mjWRAP_CYLINDER))
+    values["wrap_prm"] = np.where(surface, mj.wrap_prm, values["wrap_prm"])
     # Larger moments of all axes at once keep the triangle inequality.
     values["body_inertia"] = mj.body_inertia * rng.uniform(1.1, 1.5, size=(mj.nbody, 1))
     values["body_pos"] = mj.body_pos + rng.normal(scale=0.05, size=mj.body_pos.shape)
@@ -91,6 +110,10 @@ def test_bodies_that_only_slide(axes, x64, rng):
 
 def test_connects_and_welds_keep_the_reference_configuration(x64, rng):
     check(mujoco.MjModel.from_xml_string(JOINED), rng)
+
+
+def test_spatial_tendons(x64, rng):
+    check(mujoco.MjModel.from_xml_string(SPATIAL), rng)
 
 
 @pytest.mark.parametrize("name", ["four_bar", "arm"])

@@ -37,10 +37,8 @@ GEOMS = {
 }
 
 FIXED = '<tendon><fixed name="cable"{}><joint joint="hinge" coef="1"/></fixed></tendon>'
-SPATIAL = '<tendon><spatial name="cable"><site site="tip"/><site site="anchor"/></spatial></tendon>'
 
 ELEMENTS = {
-    SPATIAL: "tendon 'cable': spatial tendons .* fixed tendon",
     FIXED.format(' armature="1"'): "tendon 'cable': armature .* joints",
     FIXED.format("") + '<actuator><motor name="m" tendon="cable" armature="1"/></actuator>': (
         "actuator 'm': armature of a tendon's actuator .* joints"

@@ -52,12 +52,13 @@ def test_dynamics_of_a_tree_with_screws_obey_the_laws():
 
     @quick_jit
     def compute(qpos, qvel):
-        qacc = forward_dynamics(model, qpos, qvel, qfrc_spring(model, qpos))
+        spring = qfrc_spring(model, kinematics(model, qpos), qpos)
+        qacc = forward_dynamics(model, qpos, qvel, spring)
         moved = lambda t: energy(integrate_pos(model, qpos, qvel, t), qvel + t * qacc)[0]  # noqa: E731
         return {
             "kinetic": energy(qpos, qvel)[1],
             "form": 0.5 * qvel @ mass_matrix(model, qpos) @ qvel,
-            "spring": qfrc_spring(model, qpos),
+            "spring": spring,
             "needed": inverse_dynamics(model, qpos, qvel, qacc),
             "power": jax.jvp(moved, (0.0,), (1.0,))[1],
         }

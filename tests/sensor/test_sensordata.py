@@ -106,8 +106,7 @@ def test_mjx_sensor_model(read, x64):
     tree = ET.fromstring(path.read_text())
     for parent in list(tree.iter()):
         for child in list(parent):
-            is_spatial = child.tag == "spatial" or child.get("tendon") == "spatial"
-            if is_spatial or child.tag in ("rangefinder", "camprojection"):
+            if child.tag in ("rangefinder", "camprojection"):
                 parent.remove(child)
     mj = mujoco.MjModel.from_xml_string(ET.tostring(tree, encoding="unicode"))
     for data in rollout(mj, count=3, every=4):

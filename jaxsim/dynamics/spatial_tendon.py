@@ -1,0 +1,137 @@
+"""Spatial tendons: lengths of shortest paths through sites and over surfaces, and their Jacobian.
+
+A tendon is a cord under tension without friction. Its length changes only by what its ends move
+along the straight parts: the derivative of the length is the sum over straight parts of the
+direction times the difference of the velocities of their ends, points on bodies. What the points
+on a surface would move along it changes nothing, as the path is the shortest.
+"""
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxsim.arrays.indexing import sum_by, take
+from jaxsim.arrays.norms import norm_and_divisor
+from jaxsim.dynamics.tendon_path import CYLINDER, SPHERE, Segments, segments, spatial_tendons
+from jaxsim.dynamics.wrapping import wrap_cylinder, wrap_sphere
+from jaxsim.model import Model
+from jaxsim.model.dof_order import from_tree_order
+
+if TYPE_CHECKING:
+    from jaxsim.dynamics.kinematics import Kinematics
+
+_WRAPS = {SPHERE: wrap_sphere, CYLINDER: wrap_cylinder}
+
+
+class Pull(NamedTuple):
+    """What a unit of tension, positive if it lengthens, does at the ends of a segment.
+
+    Attributes:
+      length: of the segment (m).
+      first: direction of the force on its first site, reversed.
+      last: direction of the force on its last site.
+      start: where the tendon comes to the surface (m); the first force acts there, too.
+      stop: where it leaves the surface; minus the last force acts there.
+    """
+
+    length: Float[Array, ""]
+    first: Float[Array, "3"]
+    last: Float[Array, "3"]
+    start: Float[Array, "3"]
+    stop: Float[Array, "3"]
+
+
+def spatial_paths(
+    model: Model, kin: "Kinematics"
+) -> tuple[Float[Array, "ntendon"], Float[Array, "nspatial nv"]]:
+    """Lengths, zero for fixed tendons, and the Jacobian of the spatial ones alone.
+
+    Args:
+      model: the model.
+      kin: its kinematics, of which only poses and motion axes are read.
+    """
+    kinds, dtype = segments(model), kin.cdof.dtype
+    lengths, wrenches = [jnp.zeros(0, dtype)], [jnp.zeros((0, 6), dtype)]
+    tendons, pairs = [np.zeros(0, int)], [np.zeros((0, 2), int)]
+    for alike in kinds:
+        pull = _pulls(model, kin, alike)
+        share = _share(model, alike)
+        lengths.append(share * pull.length)
+        tendons.append(alike.tendon)
+        for body, wrench in _wrenches(model, kin, alike, pull):
+            wrenches.append(share[:, None] * wrench)
+            pairs.append(np.stack([alike.tendon, model.body_link[body]], axis=1))
+    total = sum_by(jnp.concatenate(lengths), np.concatenate(tendons), model.ntendon)
+    return total, _rows(model, kin, jnp.concatenate(wrenches), np.concatenate(pairs))
+
+
+def _pulls(model: Model, kin: "Kinematics", alike: Segments) -> Pull:
+    """Directions and lengths of segments that are alike."""
+    ends = take(kin.site_xpos, alike.first), take(kin.site_xpos, alike.last)
+    wrap = _WRAPS.get(alike.surface)
+    if wrap is None:
+        return jax.vmap(_straight)(*ends)
+    geoms = (take(x, alike.geom) for x in (kin.geom_xpos, kin.geom_xmat, model.geom_size[:, 0]))
+    sided = (alike.side >= 0).all()
+    sides = (take(kin.site_xpos, alike.side),) if sided else ()
+    return jax.vmap(lambda x0, x1, *surface: _over(wrap, x0, x1, *surface))(*ends, *geoms, *sides)
+
+
+def _straight(x0, x1) -> Pull:
+    length, divisor = norm_and_divisor(x1 - x0)
+    direction = (x1 - x0) / divisor
+    return Pull(length, direction, direction, x0, x0)
+
+
+def _over(wrap, x0, x1, *surface) -> Pull:
+    """Over a surface, or straight past it: then both forces act there at one point and cancel."""
+    w, direct = wrap(x0, x1, *surface), _straight(x0, x1)
+    before, after = _straight(x0, w.start), _straight(w.stop, x1)
+    length = before.length + w.length + after.length
+    wrapped = Pull(length, before.first, after.last, w.start, w.stop)
+    return Pull(*(jnp.where(w.touches, a, b) for a, b in zip(wrapped, direct, strict=True)))
+
+
+def _share(model: Model, alike: Segments) -> Float[Array, "n"]:
+    """What of each segment's length counts: a pulley divides it."""
+    if (alike.pulley < 0).all():
+        return jnp.ones(len(alike.pulley), model.wrap_prm.dtype)
+    divisor = jnp.append(model.wrap_prm, 1.0)
+    return 1 / take(divisor, np.where(alike.pulley < 0, len(divisor) - 1, alike.pulley))
+
+
+def _wrenches(model: Model, kin: "Kinematics", alike: Segments, pull: Pull):
+    """Bodies and wrenches on them about the reference points of their trees."""
+    first, last = model.site_bodyid[alike.first], model.site_bodyid[alike.last]
+    points = take(kin.site_xpos, alike.first), take(kin.site_xpos, alike.last)
+    yield first, -_about(model, kin, first, points[0], pull.first)
+    yield last, _about(model, kin, last, points[1], pull.last)
+    if alike.surface in _WRAPS:
+        body = model.geom_bodyid[alike.geom]
+        come = _about(model, kin, body, pull.start, pull.first)
+        yield body, come - _about(model, kin, body, pull.stop, pull.last)
+
+
+def _about(model: Model, kin: "Kinematics", body: np.ndarray, point, force):
+    """(n, 6) wrenches of forces at points on bodies; about anything for those that never move."""
+    link = model.body_link[body]
+    if not len(model.tree):
+        return jnp.concatenate([force, force], axis=1)
+    arm = point - take(take(kin.origin, model.tree.root), np.maximum(link, 0))
+    return jnp.concatenate([jax.vmap(jnp.cross)(arm, force), force], axis=1)
+
+
+def _rows(model: Model, kin: "Kinematics", wrench, pairs: np.ndarray):
+    """The Jacobian from wrenches on links, given with their tendon and link."""
+    spatial = spatial_tendons(model)
+    moving = pairs[:, 1] >= 0
+    unique, group = np.unique(pairs[moving], axis=0, return_inverse=True)
+    total = sum_by(take(wrench, np.nonzero(moving)[0]), group.ravel(), len(unique))
+    # A wrench does work on the degrees of freedom that move its link.
+    moves = jnp.asarray(model.tree.moves[unique[:, 1]])
+    each = jnp.where(moves, total @ kin.cdof.T, 0)
+    rows = sum_by(each, np.searchsorted(spatial, unique[:, 0]), len(spatial))
+    return from_tree_order(model, rows.T).T
