@@ -19,7 +19,7 @@ from jaxtyping import Array, Float
 
 from jaxsim.collision.frames import smallest_length
 from jaxsim.collision.shapes import Shape
-from jaxsim.collision.table import BOX, CAPSULE, CYLINDER, ELLIPSOID, MESH, PLANE, SPHERE
+from jaxsim.collision.table import BOX, CAPSULE, CYLINDER, ELLIPSOID, HFIELD, MESH, PLANE, SPHERE
 
 Number = Float[Array, ""]
 Vector = Sequence[Number] | Float[Array, "3"]
@@ -43,8 +43,17 @@ def _box(shape: Shape, u: Vector) -> Number:
     return _dot(shape.size, [jnp.abs(_dot(shape.mat[:, k], u)) for k in range(3)])
 
 
+def _height_field(shape: Shape, u: Vector) -> Number:
+    # Its third size is a quarter of its height above the origin plus half of its depth below.
+    return _dot(
+        [shape.size[0], shape.size[1], 4 * shape.size[2]],
+        [jnp.abs(_dot(shape.mat[:, k], u)) for k in range(3)],
+    )
+
+
 # Half the width of a shape, which is symmetric about its centre, along a unit axis.
 HALF_WIDTH: dict[int, Callable[[Shape, Vector], Number]] = {
+    HFIELD: _height_field,
     SPHERE: lambda shape, u: shape.size[0],
     CAPSULE: _capsule,
     ELLIPSOID: _ellipsoid,
@@ -53,7 +62,11 @@ HALF_WIDTH: dict[int, Callable[[Shape, Vector], Number]] = {
     MESH: _box,
 }
 # Columns of a shape's rotation that are normals of flat faces.
-FACES: dict[int, tuple[int, ...]] = {CYLINDER: (2,), BOX: (0, 1, 2)}
+FACES: dict[int, tuple[int, ...]] = {
+    HFIELD: (0, 1, 2),
+    CYLINDER: (2,),
+    BOX: (0, 1, 2),
+}
 LONG = CAPSULE, CYLINDER
 
 

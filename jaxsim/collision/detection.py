@@ -21,11 +21,12 @@ from jaxsim.arrays.indexing import Index, gather
 from jaxsim.collision.bounds import distance_bound
 from jaxsim.collision.candidates import Candidates, PairGroup
 from jaxsim.collision.contact import Contact
-from jaxsim.collision.hulls import Hulls, NoHulls
+from jaxsim.collision.fields import Fields
+from jaxsim.collision.hulls import Hulls
 from jaxsim.collision.parameters import contact_margin, contact_parameters
 from jaxsim.collision.selection import within_reach
 from jaxsim.collision.shapes import Contacts, Shape
-from jaxsim.collision.table import MESH, PAIRS
+from jaxsim.collision.table import HFIELD, MESH, PAIRS
 
 # Where not more pairs than so many times the candidates can be made of their geoms, bounds of all
 # of them are computed: numbers of each geom are then read in order, once, and not gathered for each
@@ -109,19 +110,28 @@ def _evaluate(
 
 def _contacts(model: Any, group: PairGroup, shapes: Shape, geoms: Sequence[Index]) -> Contacts:
     """The contacts of pairs of geoms that are some of a group's."""
-    tables = [
-        Hulls(model, of_group, shapes.pos.dtype) if kind == MESH else NoHulls()
-        for kind, of_group in zip(group.types, (group.geom1, group.geom2), strict=True)
-    ]
+    tables = _tables(model, group, shapes.pos.dtype)
+    pair = zip(tables, geoms, strict=True)
+    rows = [jnp.zeros(len(i), int) if table is None else table.rows(i) for table, i in pair]
 
     def contacts(*posed: tuple[Shape, Any]) -> Contacts:
         pair = zip(tables, posed, strict=True)
         return PAIRS[group.types].function(
-            *(shape.replace(hull=table.hull(row)) for table, (shape, row) in pair)
+            *(
+                shape if table is None else table.complete(shape, row)
+                for table, (shape, row) in pair
+            )
         )
 
-    pair = zip(tables, geoms, strict=True)
-    return jax.vmap(contacts)(*((_take(shapes, i), table.rows(i)) for table, i in pair))
+    return jax.vmap(contacts)(*((_take(shapes, i), r) for i, r in zip(geoms, rows, strict=True)))
+
+
+def _tables(model: Any, group: PairGroup, dtype) -> list[Hulls | Fields | None]:
+    """What the shapes of each side have beside pose and size, if anything."""
+    first = Fields(model, group.geom1, group.geom2, dtype) if group.types[0] == HFIELD else None
+    sides = zip(group.types, (group.geom1, group.geom2), strict=True)
+    hulls = [Hulls(model, geoms, dtype) if kind == MESH else None for kind, geoms in sides]
+    return [first or hulls[0], hulls[1]]
 
 
 def _distance_bounds(group: PairGroup, shapes: Shape) -> Float[Array, "n"]:

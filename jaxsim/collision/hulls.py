@@ -7,17 +7,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from jaxsim.arrays.indexing import Index, gather
-from jaxsim.collision.shapes import Hull
-
-
-class NoHulls:
-    """The same for geoms that are no meshes."""
-
-    def rows(self, geoms: Index) -> None:
-        """Nothing."""
-
-    def hull(self, row: None) -> None:
-        """Nothing."""
+from jaxsim.collision.shapes import Hull, Shape
 
 
 class Hulls:
@@ -44,6 +34,6 @@ class Hulls:
         """The rows of geoms."""
         return gather(self.geom_hull, geoms)
 
-    def hull(self, row: Int[Array, ""]) -> Hull:
-        """The hull in a row."""
-        return Hull(self.corner[row], self.normal[row], self.face, row)
+    def complete(self, shape: Shape, row: Int[Array, ""]) -> Shape:
+        """A shape with the hull in a row."""
+        return shape.replace(hull=Hull(self.corner[row], self.normal[row], self.face, row))

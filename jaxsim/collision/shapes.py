@@ -36,6 +36,29 @@ class Hull:
 
 
 @struct.dataclass
+class HeightField:
+    """A height field around its origin, in its shape's axes.
+
+    Attributes:
+      heights: of the points of all fields, rows along y, columns along x.
+      row: which of these fields it is.
+      count: numbers of its columns and rows.
+      step: lengths of its cells.
+      extent: its half-lengths.
+      base: depth of the ground below the origin.
+      window: so many cells along either axis are tried, enough for what may lie on it.
+    """
+
+    heights: Float[Array, "h r c"]
+    row: Int[Array, ""]
+    count: Int[Array, "2"]
+    step: Float[Array, "2"]
+    extent: Float[Array, "2"]
+    base: Float[Array, ""]
+    window: int = struct.field(pytree_node=False)
+
+
+@struct.dataclass
 class Shape:
     """A geometric primitive in the world.
 
@@ -46,12 +69,14 @@ class Shape:
       size: MuJoCo's `geom_size`: radius (sphere), radius and half-length (capsule, cylinder),
         half-lengths (box), semi-axes (ellipsoid); X
       hull: of a mesh.
+      field: of a height field.
     """
 
     pos: Float[Array, "3"]
     mat: Float[Array, "3 3"]
     size: Float[Array, "3"]
     hull: Hull | None = None
+    field: HeightField | None = None
 
     @property
     def axis(self) -> Float[Array, "3"]:

@@ -22,6 +22,7 @@ from jaxsim.collision.pairs.box import capsule_box, sphere_box
 from jaxsim.collision.pairs.box_box import box_box
 from jaxsim.collision.pairs.capsule import capsule_capsule, sphere_capsule, sphere_sphere
 from jaxsim.collision.pairs.cylinder import sphere_cylinder
+from jaxsim.collision.pairs.height_field import height_field_pair
 from jaxsim.collision.pairs.plane import (
     plane_box,
     plane_capsule,
@@ -34,6 +35,7 @@ from jaxsim.collision.shapes import Contacts, Shape
 from jaxsim.model.enums import constant_name
 
 PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)
+HFIELD = int(mujoco.mjtGeom.mjGEOM_HFIELD)
 SPHERE = int(mujoco.mjtGeom.mjGEOM_SPHERE)
 CAPSULE = int(mujoco.mjtGeom.mjGEOM_CAPSULE)
 ELLIPSOID = int(mujoco.mjtGeom.mjGEOM_ELLIPSOID)
@@ -57,6 +59,12 @@ PAIRS: dict[tuple[int, int], PairFunction] = {
     (PLANE, CYLINDER): PairFunction(plane_cylinder, 4),
     (PLANE, BOX): PairFunction(plane_box, 4),
     (PLANE, MESH): PairFunction(plane_mesh, 4),
+    (HFIELD, SPHERE): PairFunction(*height_field_pair(Point)),
+    (HFIELD, CAPSULE): PairFunction(*height_field_pair(Segment)),
+    (HFIELD, ELLIPSOID): PairFunction(*height_field_pair(Ellipsoid)),
+    (HFIELD, CYLINDER): PairFunction(*height_field_pair(Cylinder)),
+    (HFIELD, BOX): PairFunction(*height_field_pair(Box)),
+    (HFIELD, MESH): PairFunction(*height_field_pair(Polytope)),
     (SPHERE, SPHERE): PairFunction(sphere_sphere, 1),
     (SPHERE, CAPSULE): PairFunction(sphere_capsule, 1),
     (SPHERE, CYLINDER): PairFunction(sphere_cylinder, 1),

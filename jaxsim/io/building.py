@@ -12,6 +12,7 @@ import numpy as np
 
 from jaxsim.collision.candidates import candidate_pairs
 from jaxsim.collision.unsupported import dropped_pairs, unsupported_pairs
+from jaxsim.io.fields import field_tables
 from jaxsim.io.frames import effective_frames
 from jaxsim.io.hulls import flat_meshes, hull_tables
 from jaxsim.io.physical import impossible
@@ -57,9 +58,12 @@ def build(mj: mujoco.MjModel, drop_pairs: bool = False) -> Model:
         warnings.warn(f"these pairs of geoms pass through each other: {dropped}", stacklevel=3)
     structure = Structure(
         sizes={name: int(getattr(mj, name)) for name in SIZES},
-        arrays={name: _static_array(mj, name) for name in ARRAYS}
-        | hull_tables(mj, names.label)
-        | {"wrap_sideid": _side_sites(mj)},
+        arrays={
+            **{name: _static_array(mj, name) for name in ARRAYS},
+            **hull_tables(mj, names.label),
+            **field_tables(mj),
+            "wrap_sideid": _side_sites(mj),
+        },
         names=names,
         source=copy.copy(mj),
         drops_pairs=drop_pairs,

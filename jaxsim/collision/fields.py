@@ -1,0 +1,35 @@
+"""The height fields of a group of geoms, looked up by row."""
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Int
+
+from jaxsim.arrays.indexing import Index, gather
+from jaxsim.collision.pairs.height_field import window_size
+from jaxsim.collision.shapes import HeightField, Shape
+
+
+class Fields:
+    """Tables of height fields, and how many cells of them must be tried."""
+
+    def __init__(self, model: Any, fields: np.ndarray, others: np.ndarray, dtype):
+        """Those of some geoms, against some others."""
+        self.geom_field = model.geom_field
+        count, size = model.field_count[:, ::-1], model.field_size
+        step = 2 * size[:, :2] / (count - 1)
+        used = np.unique(model.geom_field[fields])
+        self.window = window_size(step[used], count[used], model.geom_reach[others].max())
+        self.count, self.heights = jnp.asarray(count), jnp.asarray(model.field_height, dtype)
+        self.size, self.step = jnp.asarray(size, dtype), jnp.asarray(step, dtype)
+
+    def rows(self, geoms: Index) -> Index:
+        """The rows of geoms."""
+        return gather(self.geom_field, geoms)
+
+    def complete(self, shape: Shape, row: Int[Array, ""]) -> Shape:
+        """A shape with the field in a row."""
+        size = self.size[row]
+        placed = row, self.count[row], self.step[row], size[:2], size[3]
+        return shape.replace(field=HeightField(self.heights, *placed, window=self.window))

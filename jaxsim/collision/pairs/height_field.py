@@ -1,0 +1,99 @@
+"""A height field against a convex solid.
+
+Each cell of the grid is cut into two triangles, and a triangle and the ground below it is a prism.
+The prisms below the bounding box of the solid are tried, a fixed number of them, and the deepest
+contacts are kept; those are MuJoCo's prisms.
+"""
+
+from collections.abc import Callable
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxsim.collision.convex import Polytope, Solid, convex_pair
+from jaxsim.collision.shapes import Contacts, HeightField, Hull, Shape
+from jaxsim.collision.spread import one_hot, pick
+
+# So many contacts are kept of one solid.
+MAX_CONTACTS = 8
+
+
+class Prism(Polytope):
+    """A prism, which gives one contact."""
+
+    max_contacts = 1
+
+
+def height_field_pair(
+    second: type[Solid],
+) -> tuple[Callable[[Shape, Shape], Contacts], int]:
+    """The pair function of a height field and a kind of solid, and the number of its contacts."""
+    of_prism, _ = convex_pair(Prism, second)
+
+    def pair(field: Shape, solid: Shape) -> Contacts:
+        corners = _prisms(field, second, solid)
+        found = jax.vmap(lambda c: of_prism(_prism(field, c), solid))(corners)
+        single = [x[:, 0] for x in (found.dist, found.pos, found.normal, found.tangent)]
+        left, chosen = found.dist[:, 0], []
+        for _ in range(MAX_CONTACTS):
+            chosen.append(one_hot(-left))
+            left = jnp.where(chosen[-1], jnp.inf, left)
+        return Contacts(*(jnp.stack([pick(m, x) for m in chosen]) for x in single))
+
+    return pair, MAX_CONTACTS
+
+
+def _prisms(shape: Shape, kind: type[Solid], solid: Shape) -> Float[Array, "p 6 3"]:
+    """Corners of the prisms below a solid, in the field's axes."""
+    field = _field(shape)
+    first = _first_cell(field, shape, kind(solid))
+    at = [first[k] + jnp.arange(field.window + 1) for k in range(2)]
+    height = field.heights[field.row, at[1][:, None], at[0][None]]
+    x, y = (at[k] * field.step[k] - field.extent[k] for k in range(2))
+    grid = jnp.stack([*jnp.meshgrid(x, y), height], axis=-1)
+    a, b, c, d = grid[:-1, :-1], grid[1:, :-1], grid[:-1, 1:], grid[1:, 1:]
+    triangles = jnp.stack([jnp.stack(t, axis=2) for t in ((a, b, d), (a, c, d))])
+    top = triangles.reshape(-1, 3, 3)
+    bottom = jnp.concatenate([top[..., :2], jnp.full_like(top[..., :1], -field.base)], axis=2)
+    return jnp.concatenate([top, bottom], axis=1)
+
+
+def _field(shape: Shape) -> HeightField:
+    if shape.field is None:
+        raise ValueError("the shape of a height field needs its heights")
+    return shape.field
+
+
+def _first_cell(field: HeightField, shape: Shape, solid: Solid):
+    """Column and row at the lower corner of the solid's bounding box, or of the last window."""
+    rot = shape.mat.T @ solid.shape.mat
+    centre = shape.mat.T @ (solid.shape.pos - shape.pos)
+    cells = []
+    for k in range(2):
+        lowest = centre[k] + rot[k] @ solid.support(-rot[k])[0] - solid.radius
+        cell = jnp.floor((lowest + field.extent[k]) / field.step[k])
+        last = field.count[k] - 1 - field.window
+        cells.append(jnp.clip(cell.astype(jnp.int32), 0, last))
+    return cells
+
+
+def _prism(field: Shape, corners: Float[Array, "6 3"]) -> Shape:
+    centre = jnp.mean(corners, axis=0)
+    local = corners - centre[None]
+    size = jnp.max(jnp.abs(local), axis=0)
+    nothing = jnp.zeros((1, 1, 1, 3), local.dtype)
+    hull = Hull(local / size[None], nothing[0, 0], nothing, jnp.zeros((), jnp.int32))
+    return Shape(field.pos + field.mat @ centre, field.mat, size, hull)
+
+
+def window_size(step: np.ndarray, count: np.ndarray, reach: float) -> int:
+    """How many cells a solid within a ball may lie over, along either axis.
+
+    Args:
+      step: lengths of the cells.
+      count: numbers of columns and rows of points.
+      reach: radius of the ball.
+    """
+    return int(min(np.ceil(2 * reach / np.min(step)) + 1, np.min(count) - 1))

@@ -1,0 +1,35 @@
+"""Height fields that may collide, as tables of equal rows."""
+
+import mujoco
+import numpy as np
+
+_HFIELD = int(mujoco.mjtGeom.mjGEOM_HFIELD)
+
+
+def field_tables(mj: mujoco.MjModel) -> dict[str, np.ndarray]:
+    """Arrays of the model's structure about its height fields.
+
+    Args:
+      mj: a compiled model.
+
+    Returns:
+      `geom_field` (ngeom,): each geom's field, -1 for others. `field_height` (n, r, c): metres,
+      padded at the ends of rows and columns. `field_count` (n, 2): rows and columns. `field_size`
+      (n, 4): MuJoCo's. `geom_reach` (ngeom,): radius of a ball around each geom, where there are
+      fields.
+    """
+    geom_field = np.where(mj.geom_type == _HFIELD, mj.geom_dataid, -1)
+    count = np.stack([mj.hfield_nrow, mj.hfield_ncol], axis=1).astype(int)
+    height = np.zeros((mj.nhfield, *count.max(axis=0, initial=0)))
+    for k, (rows, columns) in enumerate(count):
+        start = mj.hfield_adr[k]
+        data = mj.hfield_data[start : start + rows * columns].reshape(rows, columns)
+        height[k, :rows, :columns] = data * mj.hfield_size[k, 2]
+    used = bool((geom_field >= 0).any())
+    return {
+        "geom_field": geom_field,
+        "field_height": height,
+        "field_count": count,
+        "field_size": np.array(mj.hfield_size),
+        "geom_reach": np.array(mj.geom_rbound) * used,
+    }
