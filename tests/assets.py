@@ -13,6 +13,7 @@ FOLDERS = {
 UNSUPPORTED = (
     "armature is not supported",
     "mass matrix is singular",
+    "type 'rangefinder' is not supported",
     "may collide",
 )
 
