@@ -20,7 +20,7 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-SECONDS, MEMORY = 60, 12 << 30  # what one file, and one process, may need
+SECONDS, MEMORY = 240, 12 << 30  # what one file, and one process, may need
 MODELS = "pendulum cartpole hopper arm four_bar box_on_plane reacher swimmer acrobot".split()
 SHAPES = """<mujoco><asset><mesh name="rock" scale="1 1 1" maxhullvert="9"
   vertex="0 0 0 .1 0 0 0 .1 0 0 0 .1 .07 .07 .07"/></asset><worldbody>
