@@ -167,11 +167,7 @@ def _at(two: Two, vertices: Vertices, n: Float[Array, "3"]) -> Vertices:
 def _stationary(two: Two, vertices: Vertices, span: _Span, n: Float[Array, "3"]):
     """One step to the normal of the features, from one that is close."""
     base, edges = span.corners(_at(two, vertices, n).difference)
-    lengths = jnp.sum(edges**2, axis=1)
-    crossed = jnp.cross(edges[0], edges[1])
-    area = crossed @ crossed
-    eps = float(jnp.finfo(n.dtype).eps)
-    planar = area > 16 * eps * lengths[0] * lengths[1]
+    lengths, crossed, area, planar = _parallelogram(edges)
     facing = crossed / jnp.sqrt(jnp.where(planar, area, 1))
     facing = jnp.where(facing @ n < 0, -facing, facing)
     edge = jnp.where(lengths[0] > lengths[1], edges[0], edges[1])
@@ -185,6 +181,18 @@ def _stationary(two: Two, vertices: Vertices, span: _Span, n: Float[Array, "3"])
         straight, _across_edge(two, edge, base, n, held), _anywhere(two, base, n, held)
     )
     return jnp.where(planar, facing, bent)
+
+
+def _parallelogram(edges: Float[Array, "2 3"]):
+    """Squared lengths of two edges, their cross product, its square, and whether they span a plane.
+
+    Edges that are parallel but for rounding do not.
+    """
+    lengths = jnp.sum(edges**2, axis=1)
+    crossed = jnp.cross(edges[0], edges[1])
+    area = crossed @ crossed
+    eps = float(jnp.finfo(edges.dtype).eps)
+    return lengths, crossed, area, area > 16 * eps * lengths[0] * lengths[1]
 
 
 def _bend(two: Two, n, e):
@@ -219,10 +227,7 @@ def _points(two: Two, vertices: Vertices, span: _Span, n: Float[Array, "3"]) -> 
     """The closest points of the features along a normal."""
     corners = _at(two, vertices, n)
     (base, edges), (first, ends) = (span.corners(x) for x in (corners.difference, corners.first))
-    crossed = jnp.cross(edges[0], edges[1])
-    area, lengths = crossed @ crossed, jnp.sum(edges**2, axis=1)
-    eps = float(jnp.finfo(n.dtype).eps)
-    planar = area > 16 * eps * lengths[0] * lengths[1]
+    lengths, crossed, area, planar = _parallelogram(edges)
     offset = jnp.cross(base, crossed) / jnp.where(planar, area, 1)
     inside = jnp.stack([offset @ edges[1], -offset @ edges[0]])
     longer = jnp.array([True, False]) ^ (lengths[1] > lengths[0])
