@@ -27,6 +27,7 @@ from jaxsim.engine import (
     step,
     step_with_status,
 )
+from jaxsim.inverse_kinematics import IkResult, PoseTarget, ik
 from jaxsim.io import load, set_const, to_mujoco
 from jaxsim.model import JaxsimError, Model, ModelError, Option, State, make_state
 from jaxsim.parallel import batch_rollout, configure_cpu
@@ -45,10 +46,12 @@ def __getattr__(name: str):
 __all__ = [
     "ContactReport",
     "Forward",
+    "IkResult",
     "JaxsimError",
     "Model",
     "ModelError",
     "Option",
+    "PoseTarget",
     "SimulationError",
     "State",
     "Status",
@@ -58,6 +61,7 @@ __all__ = [
     "configure_cpu",
     "forward",
     "forward_dynamics",
+    "ik",
     "inverse",
     "inverse_dynamics",
     "load",

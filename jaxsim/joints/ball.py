@@ -13,6 +13,7 @@ from jaxsim.joints.joint import Joint
 from jaxsim.spatial import (
     Pose,
     quat_difference,
+    quat_exp,
     quat_integrate,
     quat_inv_rotate,
     quat_log,
@@ -70,6 +71,14 @@ def _limit(q: Float[Array, "4"], bounds: Float[Array, "2"]):
     return jnp.full_like(angle, jnp.inf), jnp.max(bounds) - angle, turn / divisor
 
 
+def _clamp(q: Float[Array, "4"], bounds: Float[Array, "2"]) -> Float[Array, "4"]:
+    """The same axis, and an angle within the limit."""
+    turn = quat_log(quat_normalize(q))
+    angle, divisor = norm_and_divisor(turn)
+    largest = jnp.max(bounds)
+    return jnp.where(angle > largest, quat_exp(turn * (largest / divisor)), q)
+
+
 BALL = Joint(
     name="ball",
     number=int(mujoco.mjtJoint.mjJNT_BALL),
@@ -84,5 +93,6 @@ BALL = Joint(
     exponential_rate=_exponential_rate,
     transmission=_transmission,
     limit=_limit,
+    clamp=_clamp,
     is_angle=True,
 )

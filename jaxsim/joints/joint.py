@@ -52,6 +52,7 @@ class Joint:
       limit: `(q, bounds)` to the distances of what is limited from its lower and its upper end,
         infinite where there is no such end, and its derivative by v (nv,), for `bounds` (2,) of the
         model.
+      clamp: `(q, bounds)` to the nearest coordinates within the limits.
     """
 
     name: str
@@ -67,6 +68,7 @@ class Joint:
     exponential_rate: Callable[[Velocity, Velocity], Velocity]
     transmission: Callable[[Coordinates, Float[Array, "6"], bool], tuple[Scalar, Velocity]]
     limit: Callable[[Coordinates, Float[Array, "2"]], tuple[Scalar, Scalar, Velocity]]
+    clamp: Callable[[Coordinates, Float[Array, "2"]], Coordinates] = lambda q, bounds: q
     in_world: bool = False
     turns_about_axis: bool = False
     slides_along_axis: bool = False

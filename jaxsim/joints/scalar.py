@@ -31,6 +31,7 @@ def scalar_joint(
         exponential_rate=_exponential_rate,
         transmission=_transmission,
         limit=_limit,
+        clamp=_clamp,
         turns_about_axis=turns_about_axis,
         slides_along_axis=slides_along_axis,
     )
@@ -59,3 +60,7 @@ def _transmission(q: Float[Array, "1"], gear: Float[Array, "6"], in_parent: bool
 def _limit(q: Float[Array, "1"], bounds: Float[Array, "2"]):
     x, (low, high) = q[0], bounds
     return x - low, high - x, jnp.ones_like(q)
+
+
+def _clamp(q: Float[Array, "1"], bounds: Float[Array, "2"]) -> Float[Array, "1"]:
+    return jnp.clip(q, bounds[0], bounds[1])
