@@ -31,6 +31,7 @@ from jaxsim.inverse_kinematics import IkResult, PoseTarget, ik
 from jaxsim.io import load, set_const, to_mujoco
 from jaxsim.model import JaxsimError, Model, ModelError, Option, State, make_state
 from jaxsim.parallel import batch_rollout, configure_cpu
+from jaxsim.quantities.rays import RayHit, ray
 
 __version__ = "0.1.0"
 model.set_const = set_const  # the name of `jaxsim.set_const` in earlier versions
@@ -52,6 +53,7 @@ __all__ = [
     "ModelError",
     "Option",
     "PoseTarget",
+    "RayHit",
     "SimulationError",
     "State",
     "Status",
@@ -67,6 +69,7 @@ __all__ = [
     "load",
     "make_state",
     "mass_matrix",
+    "ray",
     "rollout",
     "set_const",
     "step",

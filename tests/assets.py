@@ -13,7 +13,7 @@ FOLDERS = {
 UNSUPPORTED = (
     "armature is not supported",
     "mass matrix is singular",
-    "type 'rangefinder' is not supported",
+    "type 'camprojection' is not supported",
     "may collide",
 )
 

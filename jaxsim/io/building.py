@@ -2,6 +2,7 @@
 
 import copy
 import dataclasses
+import hashlib
 import warnings
 from typing import Any
 
@@ -11,6 +12,7 @@ import mujoco
 import numpy as np
 
 from jaxsim.collision.candidates import candidate_pairs
+from jaxsim.collision.rays import opaque_geoms
 from jaxsim.collision.unsupported import dropped_pairs, unsupported_pairs
 from jaxsim.io.fields import field_tables
 from jaxsim.io.frames import effective_frames
@@ -63,10 +65,12 @@ def build(mj: mujoco.MjModel, drop_pairs: bool = False) -> Model:
             **hull_tables(mj, names.label),
             **field_tables(mj),
             "wrap_sideid": _side_sites(mj),
+            "geom_opaque": opaque_geoms(mj),
         },
         names=names,
         source=copy.copy(mj),
         drops_pairs=drop_pairs,
+        meshes=_mesh_digest(mj),
     )
     fields = {f.name for f in dataclasses.fields(Model)} - _STATIC - {"opt", "stat"}
     leaves = {name: getattr(mj, name) for name in sorted(fields)} | effective_frames(mj)
@@ -97,6 +101,12 @@ def _side_sites(mj: mujoco.MjModel) -> np.ndarray:
     """
     surface = np.isin(mj.wrap_type, (mujoco.mjtWrap.mjWRAP_SPHERE, mujoco.mjtWrap.mjWRAP_CYLINDER))
     return np.where(surface, np.round(mj.wrap_prm), -1).astype(np.int64)
+
+
+def _mesh_digest(mj: mujoco.MjModel) -> str:
+    """What tells models with other meshes apart, which rays meet in the source."""
+    parts = mj.geom_dataid, mj.mesh_vertadr, mj.mesh_faceadr, mj.mesh_vert, mj.mesh_face
+    return hashlib.sha256(b"".join(np.ascontiguousarray(x).tobytes() for x in parts)).hexdigest()
 
 
 def _option(opt) -> Option:

@@ -12,6 +12,8 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from jaxsim.collision.rays import opaque_geoms, ray_problems
+from jaxsim.collision.table import type_name
 from jaxsim.model.enums import constant_name
 from jaxsim.model.names import Label
 from jaxsim.model.problems import Problem, rows
@@ -70,6 +72,7 @@ def unsupported(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
             yield Problem(label(kind, i), f"{attribute} is not supported; {remedy}")
     yield from _limits(mj, label)
     yield from _sensors(mj, label)
+    yield from _rays(mj, label)
 
 
 def _mjcf(constant: str) -> str:
@@ -136,6 +139,16 @@ def _limits(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
                 label(kind, int(i)),
                 f"margin {margin[i]:g} exceeds half of the range, so that both limits would be "
                 "active at once; use a smaller margin",
+            )
+
+
+def _rays(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
+    """Range finders beside geoms that rays cannot meet."""
+    if mujoco.mjtSensor.mjSENS_RANGEFINDER in mj.sensor_type:
+        for geom in ray_problems(mj, opaque_geoms(mj)):
+            yield Problem(
+                label("geom", geom),
+                f"range finders cannot see {type_name(mj.geom_type[geom])}; make it transparent",
             )
 
 

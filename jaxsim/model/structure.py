@@ -24,7 +24,7 @@ ARRAYS = (
     "body_parentid body_rootid body_weldid body_mocapid body_jntnum body_jntadr body_dofnum "
     "body_dofadr body_simple dof_jntid "
     "jnt_type jnt_qposadr jnt_dofadr jnt_bodyid jnt_limited jnt_actfrclimited jnt_actgravcomp "
-    "geom_type geom_contype geom_conaffinity geom_condim geom_bodyid geom_priority "
+    "geom_type geom_contype geom_conaffinity geom_condim geom_bodyid geom_priority geom_group "
     "site_type site_bodyid pair_dim pair_geom1 pair_geom2 exclude_signature "
     "eq_type eq_obj1id eq_obj2id eq_objtype eq_active0 "
     "tendon_adr tendon_num tendon_limited tendon_actfrclimited wrap_type wrap_objid "
@@ -32,7 +32,7 @@ ARRAYS = (
     "actuator_actadr actuator_actlimited actuator_actearly actuator_ctrllimited "
     "actuator_forcelimited actuator_group "
     "sensor_type sensor_datatype sensor_objtype sensor_objid sensor_reftype "
-    "sensor_refid sensor_dim sensor_adr"
+    "sensor_refid sensor_dim sensor_adr sensor_intprm"
 ).split()
 
 
@@ -40,10 +40,11 @@ class Structure:
     """Sizes, types, addresses, flags and names of a model, immutable and hashable.
 
     Every field has MuJoCo's name and value, but for `wrap_sideid`, the side site of each surface
-    that a tendon wraps around (-1: none); arrays are read-only numpy arrays. The link tree
-    (`tree`) and the body tree (`body_tree`) are derived from them, and so are facts that other
-    packages declare (see `jaxsim.model.facts`), which are kept in `facts`. The compiled `source` is
-    kept for drawing and for the way back to MuJoCo; it takes no part in comparisons.
+    that a tendon wraps around (-1: none), and `geom_opaque`, which geoms are not transparent;
+    arrays are read-only numpy arrays. The link tree (`tree`) and the body tree (`body_tree`) are
+    derived from them, and so are facts that other packages declare (see `jaxsim.model.facts`),
+    which are kept in `facts`. The compiled `source` is kept for drawing, for rays against its
+    meshes and for the way back to MuJoCo; of it only a digest of the meshes is compared.
     """
 
     def __init__(

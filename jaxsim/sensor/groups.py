@@ -20,7 +20,7 @@ class Group:
       kind: name of the sensors' type, `mujoco.mjtSensor` without its prefix.
       objtype: `mujoco.mjtObj` of the objects.
       reftype: `mujoco.mjtObj` of the reference objects, -1 without reference.
-      variant: type of the joint, or shape of the site, where the sensor depends on it.
+      variant: type of the joint, shape of the site, or bits of the data, where these matter.
       sensors: (n,) ids of the sensors.
       obj: (n,) ids of their objects.
       ref: (n,) ids of their reference objects.
@@ -76,6 +76,8 @@ def _key(model: Model, s: int) -> tuple[str, int, int, int]:
         variant = int(model.jnt_type[obj])
     elif kind == "TOUCH":
         variant = int(model.site_type[obj])
+    elif kind == "RANGEFINDER":
+        variant = int(model.sensor_intprm[s, 0])
     elif reftype == _SITE and kind == "INSIDESITE":
         variant = int(model.site_type[ref])
     return kind, objtype, reftype, variant

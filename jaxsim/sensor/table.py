@@ -9,6 +9,7 @@ from jaxsim.arrays.indexing import take
 from jaxsim.model import Model
 from jaxsim.sensor import acceleration, position, velocity
 from jaxsim.sensor.groups import Group, group_sensors, kinds
+from jaxsim.sensor.rangefinder import rangefinder
 from jaxsim.sensor.readings import Readings
 from jaxsim.sensor.signals import Signals
 from jaxsim.sensor.touch import touch
@@ -35,6 +36,7 @@ SENSORS = {
     "SUBTREECOM": (position.subtreecom, ()),
     "MAGNETOMETER": (position.magnetometer, ()),
     "INSIDESITE": (position.insidesite, ()),
+    "RANGEFINDER": (rangefinder, ()),
     "E_POTENTIAL": (position.e_potential, ("energy",)),
     "E_KINETIC": (position.e_kinetic, ("energy",)),
     "CLOCK": (position.clock, ("time",)),

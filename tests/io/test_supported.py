@@ -60,7 +60,6 @@ ELEMENTS = {
     '<actuator><motor name="m" joint="hinge" nsample="4" delay="0.01"/></actuator>': (
         "actuator 'm': delay .* remove"
     ),
-    '<sensor><rangefinder name="s" site="tip"/></sensor>': "sensor 's': type 'rangefinder'",
     '<sensor><distance name="s" geom1="ball" geom2="other"/></sensor>': (
         "sensor 's': type 'distance'"
     ),
@@ -121,15 +120,15 @@ def test_flags_of_a_later_mujoco_are_refused_by_number():
 
 
 def test_all_reasons_are_listed_and_equal_ones_once():
-    rest = "".join(f'<rangefinder name="r{i}" site="tip"/>' for i in range(5))
+    rest = "".join(f'<contact name="c{i}" geom1="ball"/>' for i in range(5))
     options, rest = '<option noslip_iterations="3"/>', f"<sensor>{rest}</sensor>"
     with pytest.raises(ModelError) as caught:
         load(_xml(options, 'adhesion="1"', rest))
-    noslip, adhesion, rangefinder = caught.value.problems
+    noslip, adhesion, contact = caught.value.problems
     assert str(caught.value).startswith("3 things in the model are wrong or not supported:\n- opt")
     assert noslip.startswith("option: noslip_iterations")
     assert adhesion.startswith("geom 'ball': adhesion")
-    assert rangefinder.startswith("sensor 'r0', sensor 'r1', sensor 'r2' and 2 more: type 'rangef")
+    assert contact.startswith("sensor 'c0', sensor 'c1', sensor 'c2' and 2 more: type 'contact")
 
 
 @pytest.mark.parametrize(

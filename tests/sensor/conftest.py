@@ -106,6 +106,9 @@ def sensor_elements() -> list[str]:
         rows.append(f'<{kind} site="hand" cutoff=".3"/>')
     touched = "patch rod rod2 disc disc2 hand arm fixed".split()
     rows += [f'<touch site="{site}"/>' for site in touched] + ['<touch site="disc" cutoff="1"/>']
+    rows += [f'<rangefinder site="{site}"/>' for site in sites]
+    rows += ['<rangefinder site="arm" data="dist dir origin point normal depth"/>']
+    rows += ['<rangefinder site="hand" data="dist normal" cutoff=".3"/>']
     for joint in ("hinge", "slide"):
         rows += [f'<joint{kind} joint="{joint}"/>' for kind in ("pos", "vel", "actuatorfrc")]
     rows += ['<ballquat joint="ball"/>', '<ballangvel joint="ball"/>']
