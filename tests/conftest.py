@@ -2,6 +2,7 @@
 
 import os
 from importlib import resources
+from pathlib import Path
 
 import jax
 import mujoco
@@ -27,6 +28,20 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
 )
 settings.load_profile("jaxsim")
+
+# A compiled program holds dozens of memory maps. Linux allows a process 65,530 of them; one with
+# more can neither fork nor start another program.
+_MAPS = Path("/proc/self/maps")
+_MANY_MAPS = 20_000
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_memory_maps():
+    """Forget the compiled programs of earlier modules when they have become many."""
+    yield
+    if _MAPS.exists() and len(_MAPS.read_bytes().splitlines()) > _MANY_MAPS:
+        jax.clear_caches()
+
 
 ASSETS = resources.files("jaxsim") / "assets"
 
