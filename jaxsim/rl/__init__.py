@@ -9,6 +9,7 @@ Example:
 
 from jaxsim.rl.algorithm import Algorithm
 from jaxsim.rl.driver import ALGORITHMS, Result, load_policy, resolve, train
+from jaxsim.rl.episode import film_episode
 from jaxsim.rl.errors import CheckpointError, ConfigError
 from jaxsim.rl.evaluation import Evaluation, evaluate
 from jaxsim.rl.networks import Policy
@@ -22,6 +23,7 @@ __all__ = [
     "Policy",
     "Result",
     "evaluate",
+    "film_episode",
     "load_policy",
     "resolve",
     "train",

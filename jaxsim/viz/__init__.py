@@ -1,6 +1,7 @@
-"""Pictures of simulations, by MuJoCo's renderer."""
+"""Pictures of simulations: films by MuJoCo's renderer, and pages for a browser."""
 
+from jaxsim.viz.filming import film
 from jaxsim.viz.frames import Frames
 from jaxsim.viz.page import Page, html
 
-__all__ = ["Frames", "Page", "html"]
+__all__ = ["Frames", "Page", "film", "html"]

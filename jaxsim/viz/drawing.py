@@ -92,7 +92,7 @@ def drawing(model: mujoco.MjModel, data: mujoco.MjData) -> Drawing:
                 surfaces.append(_surface(model, *key))
             entry["surface"] = number[key]
         geoms.append(entry)
-    return Drawing(geoms, surfaces, moving, *_bounds(model, data, slot))
+    return Drawing(geoms, surfaces, moving, *bounds(model, data))
 
 
 def moving_bodies(model: mujoco.MjModel) -> np.ndarray:
@@ -120,10 +120,10 @@ def _quat(mat: np.ndarray) -> np.ndarray:
     return quat
 
 
-def _bounds(model: mujoco.MjModel, data: mujoco.MjData, slot: np.ndarray):
+def bounds(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[float, np.ndarray]:
     """Radius and middle of the moving geoms; of all geoms but planes where nothing moves."""
     plane = model.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE)
-    chosen = (slot[model.geom_bodyid] >= 0) & ~plane
+    chosen = np.isin(model.geom_bodyid, moving_bodies(model)) & ~plane
     chosen = chosen if chosen.any() else ~plane
     if not chosen.any():
         return 1.0, np.zeros(3)

@@ -2,7 +2,6 @@
 
 import base64
 import dataclasses
-import functools
 import html as escaping
 import importlib.resources
 import json
@@ -12,15 +11,15 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-import jax
 import mujoco
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsim.engine import forward
 from jaxsim.io import to_mujoco
 from jaxsim.model import Model, State
+from jaxsim.viz.batch import batched, places
 from jaxsim.viz.drawing import Drawing, drawing, moving_bodies, xyzw
+from jaxsim.viz.touch import Touch, metres_per_newton, touches
 
 # Frames are left out, evenly, where the poses would be more numbers than this (2 MB of the page).
 MAX_NUMBERS = 400_000
@@ -91,14 +90,14 @@ def html(
       ValueError: shapes do not fit together.
     """
     source = to_mujoco(model) if isinstance(model, Model) else model
-    batch = _batched(source, trajectory, "trajectory")
+    batch = batched(source, trajectory, "trajectory")
     envs, steps = batch.qpos.shape[:2]
     stride = _stride(envs, steps, 7 * len(moving_bodies(source)), ghost is not None)
     kept = np.arange(0, steps, stride)
     numbers = _Numbers()
     poses, start = _poses(source, batch, kept)
     drawn = drawing(source, start)
-    places = _places(envs, drawn.extent)
+    stands = places(envs, drawn.extent)
     record = {
         "times": numbers.add(np.asarray(batch.time)[0, kept]),
         "geoms": drawn.geoms,
@@ -107,19 +106,20 @@ def html(
         ],
         "moving": drawn.moving.tolist(),
         "poses": [numbers.add(p) for p in poses],
-        "places": places.tolist(),
+        "places": stands.tolist(),
         "ghosts": [numbers.add(p) for p in _ghost_poses(source, ghost, batch, kept)],
         "com": [numbers.add(p) for p in _centers_of_mass(source, poses, drawn.moving)],
         "series": _series(numbers, quantities or {}, steps, kept),
         "extent": drawn.extent,
         "tile": 10 ** round(math.log10(drawn.extent)) / 2,
         "follow": bool(envs == 1 and _travel(poses[0]) > drawn.extent),
-        "camera": _camera(drawn, places),
+        "camera": _camera(drawn, stands),
         "force": 0.0,
         "contacts": [],
     }
     if contacts:
-        record |= _contacts(numbers, model, batch, ctrls, kept, drawn.extent)
+        found = touches(model, batch, ctrls, kept)
+        record |= _contacts(numbers, found, drawn.extent)
     record["numbers"] = numbers.encoded()
     return Page(_filled(title, record))
 
@@ -139,18 +139,6 @@ class _Numbers:
 
     def encoded(self) -> str:
         return base64.b64encode(b"".join(p.tobytes() for p in self._parts)).decode()
-
-
-def _batched(source: mujoco.MjModel, trajectory: State, name: str) -> State:
-    """States as NumPy's arrays with two leading axes, environments and time."""
-    shape = np.shape(trajectory.qpos)
-    if not 2 <= len(shape) <= 3 or shape[-1] != source.nq or not np.prod(shape[:-1]):
-        raise ValueError(
-            f"{name}.qpos must have shape (T, {source.nq}) or (B, T, {source.nq}), got {shape}; "
-            "stack states along a leading axis of time, as jaxsim.rollout does"
-        )
-    states = jax.tree.map(np.asarray, trajectory)
-    return states if len(shape) == 3 else jax.tree.map(lambda x: x[None], states)
 
 
 def _stride(envs: int, steps: int, numbers: int, twice: bool) -> int:
@@ -176,7 +164,7 @@ def _poses(source: mujoco.MjModel, batch: State, kept: np.ndarray):
 def _ghost_poses(source: mujoco.MjModel, ghost: State | None, batch: State, kept: np.ndarray):
     if ghost is None:
         return []
-    states = _batched(source, ghost, "ghost")
+    states = batched(source, ghost, "ghost")
     if states.qpos.shape != batch.qpos.shape:
         raise ValueError(
             f"ghost.qpos must have the shape of trajectory.qpos, {batch.qpos.shape}, "
@@ -211,44 +199,17 @@ def _series(numbers: _Numbers, quantities: Mapping[str, Array], steps: int, kept
     return entries
 
 
-def _contacts(numbers: _Numbers, model, batch: State, ctrls, kept: np.ndarray, extent: float):
+def _contacts(numbers: _Numbers, found: list[Touch], extent: float):
     """Points and forces (world axes) of each frame's contacts, and the length of a newton."""
-    if not isinstance(model, Model):
-        raise TypeError("contacts=True needs a jaxsim Model, as its forces are jaxsim's")
-    shape = (*batch.qpos.shape[:2], model.nu)
-    ctrls = (
-        np.zeros(shape) if ctrls is None else np.asarray(ctrls).reshape(-1, *np.shape(ctrls)[-2:])
-    )
-    if ctrls.shape != shape:
-        raise ValueError(f"ctrls must have shape {shape} or {shape[1:]}, got {ctrls.shape}")
-    at = jax.jit(functools.partial(jax.lax.map, lambda x: forward(model, *x).contact))
-    entries, sizes = [], []
-    for env in range(shape[0]):
-        states = jax.tree.map(lambda x, env=env: x[env, kept], batch)
-        ctrl = ctrls[env, kept].astype(batch.qpos.dtype)
-        report = jax.tree.map(np.asarray, at((states, ctrl)))
-        force = np.einsum("tcij,tci->tcj", report.frame, report.force[..., :3])
-        rows = np.concatenate([report.pos, force], axis=-1)[report.active]
-        count = report.active.sum(1)
-        sizes.append(np.linalg.norm(rows[:, 3:], axis=1))
-        entries.append(
-            {
-                "first": numbers.add(np.concatenate([[0], np.cumsum(count)])),
-                "rows": numbers.add(rows),
-                "most": int(count.max(initial=0)),
-            }
-        )
-    # Impacts are many times larger than what carries a body: the page cuts their arrows short.
-    pushing = np.concatenate(sizes)
-    typical = np.median(pushing[pushing > 0]) if (pushing > 0).any() else np.inf
-    return {"contacts": entries, "force": float(0.4 * extent / typical)}
-
-
-def _places(envs: int, extent: float) -> np.ndarray:
-    """(B, 3) where environments stand: a square grid."""
-    columns = math.ceil(math.sqrt(envs))
-    grid = np.stack(np.divmod(np.arange(envs), columns)[::-1], axis=1) * 2.5 * extent
-    return np.concatenate([grid, np.zeros((envs, 1))], axis=1)
+    entries = [
+        {
+            "first": numbers.add(touch.first),
+            "rows": numbers.add(touch.rows),
+            "most": int(np.diff(touch.first).max(initial=0)),
+        }
+        for touch in found
+    ]
+    return {"contacts": entries, "force": metres_per_newton(found, extent)}
 
 
 def _travel(poses: np.ndarray) -> float:
@@ -257,13 +218,13 @@ def _travel(poses: np.ndarray) -> float:
     return float(np.ptp(path, axis=0).max(initial=0)) if path.size else 0.0
 
 
-def _camera(drawn: Drawing, places: np.ndarray) -> dict[str, Any]:
-    span = float(np.ptp(places, axis=0).max())
+def _camera(drawn: Drawing, stands: np.ndarray) -> dict[str, Any]:
+    span = float(np.ptp(stands, axis=0).max())
     return {
-        "target": (drawn.center + places.mean(0)).tolist(),
+        "target": (drawn.center + stands.mean(0)).tolist(),
         "distance": RADII * drawn.extent + 1.2 * span,
         "azimuth": AZIMUTH,
-        "elevation": ELEVATION if len(places) == 1 else 2 * ELEVATION,
+        "elevation": ELEVATION if len(stands) == 1 else 2 * ELEVATION,
     }
 
 
