@@ -1,1 +1,1 @@
-"""What is not physics and not ours alone: indices, sums, kinds, series, norms, precision."""
+"""Array helpers without physics: indexing, sums by group, safe norms, series, precision."""

@@ -1,8 +1,8 @@
-"""Numbers of MuJoCo, by its names less `mj`."""
+"""MuJoCo's constants, by its names without the prefix `mj`."""
 
 import mujoco
 
-# What is smaller counts as zero: masses, lengths, time constants, denominators.
+# Smaller masses, lengths, time constants and denominators are treated as zero.
 MINVAL = float(mujoco.mjMINVAL)
 # Friction coefficients are at least this.
 MINMU = float(mujoco.mjMINMU)

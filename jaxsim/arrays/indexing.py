@@ -1,7 +1,7 @@
-"""Rows of arrays by index, and sums of rows by group: cheap where the index is known early.
+"""Gathers of rows by index and sums of rows by group, cheaper where the index is static.
 
-A NumPy index is known while a program is traced, and becomes slices. An index that is a JAX array
-is known only at run time, and becomes a gather or a scatter.
+A NumPy index is static, that is known while a program is traced, and is compiled to slices. An
+index that is a JAX array is known only at run time and is compiled to a gather or a scatter.
 """
 
 import itertools
@@ -18,17 +18,14 @@ Index = Int[Array, "n"] | np.ndarray
 
 
 def gather(x: jax.Array | np.ndarray, index: Index) -> Any:
-    """`x[index]`, for an index that is known while tracing or only at run time.
-
-    NumPy rows of a NumPy index are known, too.
-    """
+    """`x[index]` for a static or a traced index; a NumPy array if both arguments are NumPy."""
     if not isinstance(index, np.ndarray):
         return jnp.asarray(x)[index]
     return x[index] if isinstance(x, np.ndarray) else take(x, index)
 
 
 def gather_or_zero(x: jax.Array, index: Index) -> jax.Array:
-    """`x[index]`, and zero where the index is -1."""
+    """`x[index]`, with rows of zeros where the index is -1."""
     if isinstance(index, np.ndarray) and (index >= 0).all():
         return take(x, index)
     padded = jnp.concatenate([x, jnp.zeros((1, *x.shape[1:]), x.dtype)])
@@ -38,13 +35,13 @@ def gather_or_zero(x: jax.Array, index: Index) -> jax.Array:
 
 
 def take(x: jax.Array, index: np.ndarray) -> jax.Array:
-    """`x[index]` for a static index: slices where that is cheap, one gather otherwise."""
+    """`x[index]` for a static index: by slices if these are few, else by one gather."""
     index = np.asarray(index, int)
     if len(index) == x.shape[0] and np.array_equal(index, np.arange(len(index))):
         return x
     if len(index) and (index == index[0]).all():
         return jnp.broadcast_to(x[index[0]][None], (len(index), *x.shape[1:]))
-    # Runs of consecutive rows, each of them as often as the others.
+    # Split into runs of consecutive rows in which every row is repeated equally often.
     first = np.concatenate([[0], np.nonzero(np.diff(index))[0] + 1]) if len(index) else index
     row, times = index[first], np.diff(first, append=len(index))
     cuts = np.nonzero((np.diff(row) != 1) | (np.diff(times) != 0))[0] + 1
@@ -56,7 +53,7 @@ def take(x: jax.Array, index: np.ndarray) -> jax.Array:
 
 
 def _repeated(x: jax.Array, times: int) -> jax.Array:
-    """Every row of x that many times."""
+    """Each row of x repeated `times` times in a row."""
     if times == 1:
         return x
     repeated = jnp.broadcast_to(x[:, None], (len(x), times, *x.shape[1:]))
@@ -64,7 +61,13 @@ def _repeated(x: jax.Array, times: int) -> jax.Array:
 
 
 def sum_by(x: jax.Array, group: Index, n: int) -> jax.Array:
-    """(n, ...) sums of the rows of `x` that belong to each group."""
+    """(n, ...) sum of the rows of `x` in each of n groups.
+
+    Args:
+      x: (m, ...) rows.
+      group: (m,) the group of each row, static or traced.
+      n: number of groups.
+    """
     if isinstance(group, jax.Array):
         return jnp.zeros((n, *x.shape[1:]), x.dtype).at[group].add(x)
     group = np.asarray(group, int)
@@ -85,7 +88,7 @@ def sum_by(x: jax.Array, group: Index, n: int) -> jax.Array:
 
 
 def _sums(x: jax.Array, members: np.ndarray) -> jax.Array:
-    """(n, ...) sums of the rows of `x` that each of n groups of equal size has."""
+    """(n, ...) sums of rows of `x`; `members` (n, size) are the rows of n groups of equal size."""
     n, size = members.shape
     if size > tuning.SUMMED_ROWS:
         return take(x, members.ravel()).reshape(n, size, *x.shape[1:]).sum(1)

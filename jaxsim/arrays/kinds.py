@@ -1,4 +1,4 @@
-"""One function per kind of element, applied to all elements of a mixed list."""
+"""A function for each kind of element, mapped over a list of elements of several kinds."""
 
 import dataclasses
 from collections.abc import Callable, Mapping
@@ -13,12 +13,12 @@ from jaxsim.arrays.indexing import take
 
 @dataclasses.dataclass(frozen=True)
 class Rows:
-    """The rows of an array that belong to each of n elements, where they have several or none.
+    """The rows of an array that belong to each of n elements; an element has zero or more rows.
 
     Attributes:
       x: the array.
       start: (n,) first row of each element, static.
-      size: (n,) number of consecutive rows, equal for elements of one kind, static.
+      size: (n,) number of consecutive rows of each, equal for elements of one kind, static.
     """
 
     x: jax.Array
@@ -26,7 +26,7 @@ class Rows:
     size: np.ndarray
 
     def blocks(self, ids: np.ndarray | slice = slice(None)) -> jax.Array:
-        """(m, size, ...) the rows of these m > 0 elements, which are of one kind."""
+        """(m, size, ...) rows of m > 0 elements of one kind."""
         index = self.start[ids][:, None] + np.arange(int(self.size[ids][0]))
         return take(self.x, index.ravel()).reshape(*index.shape, *self.x.shape[1:])
 
@@ -38,15 +38,15 @@ def apply_by_kind(
     empty: Any,
     start: np.ndarray | None = None,
 ) -> Any:
-    """Results of `functions[kind[i]](inputs[0][i], inputs[1][i], ...)` for all i, kind by kind.
+    """`functions[kind[i]](inputs[0][i], inputs[1][i], ...)` for all i, by one `vmap` for each kind.
 
     Args:
       kind: (n,) static integers.
-      functions: for each kind that occurs, the function of one element.
-      inputs: arrays with a leading axis of length n, and `Rows`.
+      functions: the function of one element, for each kind that occurs.
+      inputs: arrays with a leading axis of length n, or `Rows`.
       empty: the result for n = 0.
-      start: (n,) first row of each element's result, if a result is several rows of the whole;
-        together they fill it.
+      start: (n,) first row of each element in the result, for functions that return several rows.
+        The rows of all elements fill the result without gaps. None: results are stacked.
 
     Returns:
       A pytree of arrays: the results stacked over i, or their rows in order.

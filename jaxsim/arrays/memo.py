@@ -1,4 +1,4 @@
-"""Results that are kept for as long as what they were computed from."""
+"""Memoisation by identity: results are kept for as long as the object they come from."""
 
 import functools
 import weakref
@@ -12,30 +12,30 @@ _CONSTANT = (jax.Array, int, float, complex, np.generic)
 
 
 def once_for_each(f: Callable) -> Callable:
-    """`f(tree, *rest)`, computed once for each tree and kept for as long as the tree lives.
+    """Return `f(tree, *rest)` memoised by the identity of `tree`, until `tree` is deleted.
 
-    Trees are told apart by identity, without looking at their numbers. Where leaves may change, as
-    NumPy's arrays may, or anything is traced, the result is computed anew each time.
+    The numbers in a tree are not compared. If a leaf is mutable, such as a NumPy array, or anything
+    is traced, nothing is stored and `f` is called each time.
 
     Args:
       f: a function of an instance of a frozen class and of hashable arguments. Its result must not
-        refer to that instance, which would then live for ever.
+        refer to that instance, which would then never be deleted.
     """
     results: dict[tuple, Any] = {}
 
     @functools.wraps(f)
-    def remembered(tree, *rest):
+    def memoised(tree, *rest):
         key = id(tree), *rest
         if key in results:
             return results[key]
         result = f(tree, *rest)
-        # While a function is traced, what is computed of constants may be traced, too.
+        # Inside a traced function, results computed from constants may be tracers, too.
         if _is_constant(tree) and not is_traced((tree, result)):
             results[key] = result
             weakref.finalize(tree, results.pop, key, None).atexit = False
         return result
 
-    return remembered
+    return memoised
 
 
 def _is_constant(tree: Any) -> bool:
@@ -43,5 +43,5 @@ def _is_constant(tree: Any) -> bool:
 
 
 def is_traced(tree: Any) -> bool:
-    """Whether any leaf belongs to a function that JAX is transforming."""
+    """Whether any leaf is a tracer, that is an argument of a function that JAX is transforming."""
     return any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(tree))

@@ -1,7 +1,7 @@
-"""Stiffness and damping that grow with deflection and speed.
+"""Forces of MuJoCo's nonlinear springs and dampers.
 
-MuJoCo's nonlinear springs and dampers have a coefficient that is a polynomial,
-`k(x) = k0 + p0 x + p1 x^2 + ...`, and exert the force `-k(x) x`.
+The stiffness or damping coefficient is a polynomial, `k(x) = k0 + p0 x + p1 x^2 + ...`, and the
+force is `-k(x) x`.
 """
 
 import jax.numpy as jnp
@@ -23,9 +23,9 @@ def poly_coefficient(
 def spring_force(
     stiffness: Float[Array, ""], poly: Float[Array, "npoly"], x: Float[Array, "n"]
 ) -> Float[Array, "n"]:
-    """`-k(|x|) x`, where a deflection with one component has a sign: `-k(x) x`.
+    """`-k(|x|) x` for a deflection of several components, `-k(x) x` for one component.
 
-    At x = 0, where the length of a vector has no derivative, the derivative is `-k(0)`.
+    The derivative at x = 0 is `-k(0)`, although the length of a vector has none there.
     """
     length = x[0] if len(x) == 1 else safe_norm(x)
     return -poly_coefficient(stiffness, poly, length) * x
@@ -34,12 +34,12 @@ def spring_force(
 def spring_energy(
     stiffness: Float[Array, ""], poly: Float[Array, "npoly"], x: Float[Array, "n"]
 ) -> Float[Array, ""]:
-    """`k0 x^2/2 + p0 x^3/3 + p1 x^4/4 + ...`, the work against `spring_force`."""
+    """Potential energy of `spring_force`, `k0 x^2/2 + p0 x^3/3 + p1 x^4/4 + ...` (J)."""
     square = x @ x
     length = x[0] if len(x) == 1 else safe_norm(x)
     energy = 0.5 * stiffness * square
     for k, coefficient in enumerate(poly, start=3):
-        # Even powers avoid the root, which has no derivative at zero.
+        # Even powers are formed without the square root, which has no derivative at zero.
         energy += coefficient / k * square ** (k // 2) * (length if k % 2 else 1)
     return energy
 
@@ -47,7 +47,7 @@ def spring_energy(
 def damping_force(
     linear: Float[Array, "n"], poly: Float[Array, "n npoly"], v: Float[Array, "n"]
 ) -> Float[Array, "n"]:
-    """`-k(|v|) v`: odd in the velocity, so that it dissipates in both directions."""
+    """`-k(|v|) v`, which opposes the velocity in both directions."""
     return -poly_coefficient(linear, poly, magnitude(v)) * v
 
 
@@ -60,5 +60,5 @@ def damping_slope(
 
 
 def magnitude(v: Float[Array, "..."]) -> Float[Array, "..."]:
-    """|v|, whose derivative at zero is zero, midway between its sides; that of `jnp.abs` is one."""
+    """|v| with derivative zero at v = 0, where `jnp.abs` has derivative one."""
     return v * jnp.sign(v)

@@ -1,4 +1,4 @@
-"""Products of matrices in the precision of their numbers."""
+"""Matrix products in full precision on accelerators."""
 
 import functools
 from collections.abc import Callable
@@ -7,10 +7,10 @@ import jax
 
 
 def full_precision(f: Callable) -> Callable:
-    """The same function, all of whose matrix products JAX is asked for in full precision.
+    """Return `f` with all its matrix products computed in full precision.
 
-    A GPU otherwise rounds the factors of float32 products to ten bits, a relative error of 1e-3.
-    The request is made while `f` is traced; derivatives of the products inherit it.
+    By default a GPU rounds the factors of float32 products to ten bits, a relative error of 1e-3.
+    The precision is set while `f` is traced, and derivatives of its products inherit it.
     """
 
     @functools.wraps(f)

@@ -1,26 +1,26 @@
-"""A sum of many small terms that few digits hold."""
+"""A running sum of small terms that keeps its accuracy in float32."""
 
 import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
-# Between a half and one unit in the last place of any number, however it is rounded.
+# In units of the last place; more than a half, so that rounding to nearest always rounds up.
 _MOST_OF_A_UNIT = 0.51
 
 
 def add_rounding_up(
     total: Float[Array, ""], excess: Float[Array, ""], term: Float[Array, ""]
 ) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """Adds a positive term to a sum that is rounded up, so that it always moves.
+    """Add a positive term to a sum that is rounded up, so that the sum always increases.
 
-    What rounding added is kept and taken off the next term (Kahan 1965, "Further remarks on
-    reducing truncation errors").
+    The amount added by rounding is stored and subtracted from the next term (Kahan 1965, "Further
+    remarks on reducing truncation errors").
 
     Args:
-        total: The sum before.
-        excess: By how much it is more than the exact sum: from zero to one unit in its last place.
-            A total that was set since, which says nothing of its excess, is taken for as exact.
-        term: What to add.
+        total: The sum so far.
+        excess: `total` minus the exact sum, from zero to one unit in the last place of `total`.
+            It is clipped to that range, in case a user has assigned `total` since.
+        term: The term to add.
 
     Returns:
         The sum and its excess. The sum's derivative is that of `total + term`.

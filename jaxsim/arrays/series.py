@@ -1,13 +1,12 @@
-"""The coefficient functions of rotation formulas, written in the squared angle.
+"""Coefficient functions of rotation formulas, as functions of the squared angle.
 
-``sin(theta / 2) / theta`` and its relatives are even functions of the angle without any
-singularity at zero; only the usual way of writing them has one. As functions of
-``theta**2`` they are smooth, so values and derivatives of every order exist at zero and the
-norm of a vector, which has no derivative there, is never taken.
+``sin(theta / 2) / theta`` and similar coefficients are even functions of the angle with a removable
+singularity at zero. As functions of ``theta**2`` they are smooth: values and derivatives of every
+order exist at zero, and no norm of a vector, which has no derivative there, is needed.
 
 Each function uses its Taylor polynomial below ``SERIES_LIMIT`` and the closed form above it.
-The polynomial is long enough to be exact to double precision at the limit, and the limit
-is high enough that the closed form has not yet lost digits by cancellation there.
+At the limit, the polynomial is exact to double precision, and the closed form has not lost digits
+by cancellation.
 """
 
 import jax.numpy as jnp
@@ -38,7 +37,7 @@ _COTANGENT_DEFECT = (
 
 
 def horner(coefficients: tuple[float, ...], x: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
-    """Polynomial in ``x`` with the given coefficients, the constant first."""
+    """Polynomial in ``x`` with the given coefficients, the constant term first."""
     total = jnp.full_like(x, coefficients[-1])
     for coefficient in reversed(coefficients[:-1]):
         total = total * x + coefficient
@@ -47,40 +46,40 @@ def horner(coefficients: tuple[float, ...], x: Float[Array, "*shape"]) -> Float[
 
 def cos_half(theta_sq: Float[Array, ""]) -> Float[Array, ""]:
     """``cos(theta / 2)`` from ``theta**2``."""
-    small, near, theta = _split(theta_sq)
-    return jnp.where(small, horner(_COS_HALF, near), jnp.cos(theta / 2))
+    small, series_arg, theta = _split(theta_sq)
+    return jnp.where(small, horner(_COS_HALF, series_arg), jnp.cos(theta / 2))
 
 
 def sinc_half(theta_sq: Float[Array, ""]) -> Float[Array, ""]:
     """``sin(theta / 2) / theta`` from ``theta**2``; one half at zero."""
-    small, near, theta = _split(theta_sq)
-    return jnp.where(small, horner(_SINC_HALF, near), jnp.sin(theta / 2) / theta)
+    small, series_arg, theta = _split(theta_sq)
+    return jnp.where(small, horner(_SINC_HALF, series_arg), jnp.sin(theta / 2) / theta)
 
 
 def sine_defect(theta_sq: Float[Array, ""]) -> Float[Array, ""]:
     """``(theta - sin(theta)) / theta**3`` from ``theta**2``; one sixth at zero."""
-    small, near, theta = _split(theta_sq)
+    small, series_arg, theta = _split(theta_sq)
     closed = (theta - jnp.sin(theta)) / theta**3
-    return jnp.where(small, horner(_SINE_DEFECT, near), closed)
+    return jnp.where(small, horner(_SINE_DEFECT, series_arg), closed)
 
 
 def cotangent_defect(theta_sq: Float[Array, ""]) -> Float[Array, ""]:
     """``(1 - (theta / 2) cot(theta / 2)) / theta**2`` from ``theta**2``; one twelfth at zero.
 
-    Meant for angles up to pi, where the cotangent passes smoothly through zero.
+    For angles up to pi; the cotangent is smooth there.
     """
-    small, near, theta = _split(theta_sq)
+    small, series_arg, theta = _split(theta_sq)
     half = theta / 2
     closed = (1 - half * jnp.cos(half) / jnp.sin(half)) / theta**2
-    return jnp.where(small, horner(_COTANGENT_DEFECT, near), closed)
+    return jnp.where(small, horner(_COTANGENT_DEFECT, series_arg), closed)
 
 
 def _split(theta_sq):
-    """Whether the series applies, its argument, and an angle for the closed form.
+    """Whether the series is used, its argument, and the angle for the closed form.
 
-    Both are replaced by a harmless constant on the side where their result is thrown away,
-    which keeps the derivative of the other side finite.
+    Where a branch is not used, its argument is replaced by a constant, so that its derivative is
+    finite and does not spoil that of the other branch.
     """
     small = theta_sq < SERIES_LIMIT
-    near = jnp.where(small, theta_sq, 0.0)
-    return small, near, jnp.sqrt(jnp.where(small, 1.0, theta_sq))
+    series_arg = jnp.where(small, theta_sq, 0.0)
+    return small, series_arg, jnp.sqrt(jnp.where(small, 1.0, theta_sq))

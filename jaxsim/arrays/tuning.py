@@ -1,9 +1,9 @@
-"""Constants that change how fast a program runs or compiles, and nothing else.
+"""Constants that affect only how fast a program runs or compiles.
 
-Each says what it is, what it gains and where that was seen: a commit, or "unknown" where the figure
-that chose it was not kept. Measured is one core of an Intel Xeon with AVX-512, in float32, with
-lanes by the hundred, unless something else is said. A constant that stays unknown is the first one
-to measure on another machine.
+Each docstring says what the constant is, what it gains, and the commit where that was measured.
+"Unknown" means that the measurement was not kept; measure these first on another machine. Unless
+something else is said, measured on one core of an Intel Xeon with AVX-512, in float32, with some
+hundred lanes. A lane is one environment of a batch.
 """
 
 # --- Sections: what a CPU runs as one function (`batching.sections`) ---
@@ -215,7 +215,7 @@ Gains: unknown.
 Seen: 1619d08.
 """
 CHUNK_KEPT = 1536, 16, 64
-"""The same where `configure_cpu` has told it not to: a chunk fits the first-level cache.
+"""As `CHUNK_UNROLLED`, where `configure_cpu` forbids unrolling; a chunk fits the first-level cache.
 
 Gains: Gymnasium's humanoid takes 0.74 of its time, compilation 0.65.
 Seen: 1619d08.

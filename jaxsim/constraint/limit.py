@@ -13,7 +13,7 @@ from jaxsim.constraint.jacobian import DenseRows, DofRows, moves_anything, row_v
 from jaxsim.dynamics.motion import Motion
 from jaxsim.dynamics.tendon import tendon_jacobian
 from jaxsim.joints import JOINTS
-from jaxsim.joints.grouping import alike, position_rows
+from jaxsim.joints.grouping import position_rows, shared_type
 from jaxsim.model import Model
 from jaxsim.model.dof_order import to_tree_order
 from jaxsim.solver import Unilateral
@@ -28,7 +28,7 @@ def limit_blocks(motion: Motion) -> list[Block]:
         return []
     (joints,) = np.nonzero(model.jnt_limited)
     (tendon,) = np.nonzero(model.tendon_limited)
-    kinds = alike(model.jnt_type[joints], "limit")
+    kinds = shared_type(model.jnt_type[joints], "limit")
     blocks = [_joints(motion, joints[kinds == k]) for k in np.unique(kinds)]
     if len(tendon):
         blocks.append(_tendons(motion, tendon))

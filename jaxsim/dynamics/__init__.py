@@ -1,1 +1,1 @@
-"""Rigid-body dynamics of a tree: kinematics, Featherstone's algorithms, forces and energy."""
+"""Algorithms on kinematic trees: kinematics, Featherstone's algorithms, Jacobians, tendons."""

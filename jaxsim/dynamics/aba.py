@@ -1,4 +1,4 @@
-"""Articulated bodies: accelerations from forces, and the solve with the mass matrix, O(n).
+"""The articulated body algorithm: forward dynamics and solves with the mass matrix in O(n).
 
 Featherstone, Rigid Body Dynamics Algorithms (2008), section 7.3, in world axes.
 """
@@ -20,7 +20,7 @@ from jaxsim.model.dof_order import from_tree_order, to_tree_order
 from jaxsim.model.inputs import admit_array, admit_model
 from jaxsim.model.topology import Forest
 
-# Pivots are at least this many units of rounding.
+# Lower bound of pivots, in units of the estimated rounding error.
 _UNITS = 16
 
 
@@ -34,13 +34,13 @@ def forward_dynamics(
       model: the model.
       qpos: coordinates.
       qvel: velocities.
-      tau: all generalised forces, in N or N m.
+      tau: generalised forces (N or N m).
 
     Returns:
       Accelerations without constraints; `inverse_dynamics` inverts this.
 
     Raises:
-      TypeError: an argument, or the numbers in an array, are of the wrong type.
+      TypeError: an argument is of the wrong class, or its numbers are of the wrong type.
       ValueError: an array has the wrong shape.
     """
     model, qpos = admit_model(model), admit_array(model, qpos, (model.nq,), "qpos")
@@ -63,17 +63,17 @@ def solve_articulated(
     diagonal: Float[Array, "nv"],
     force: Float[Array, "nv"],
 ) -> Float[Array, "nv"]:
-    """Solve with the mass matrix of a tree whose links have arbitrary 6x6 inertias.
+    """Solve `H x = force` with the mass matrix of a tree whose links have arbitrary 6x6 inertias.
 
-    `H = sum_links J^T K J + diag(d)`, with K any symmetric matrices such that H is positive
-    definite. A contact with the world adds to K and a joint limit to d, which makes this the
-    Newton step of the contact problem.
+    `H = sum_links J^T K J + diag(d)` must be positive definite; each K is symmetric. Contacts with
+    the world add to K and joint limits add to d, so that this is the Newton step of the constraint
+    problem.
 
     Args:
       model: the model.
       cdof: motion axes, tree order.
       link_matrix: K of each link about the tree's reference point, tree order.
-      diagonal: d, MuJoCo's order; armature belongs here.
+      diagonal: d, which includes armature, MuJoCo's order.
       force: right-hand side, MuJoCo's order.
 
     Returns:
@@ -95,11 +95,15 @@ def articulated_solve(
     diagonal: Float[Array, "nv"],
     force: Float[Array, "nv"],
 ) -> tuple[Float[Array, "nv"], Float[Array, "njnt c"]]:
-    """`solve_articulated` in tree order, of twists with any number of components."""
+    """`solve_articulated` in tree order, for twists with c components.
+
+    Returns:
+      The solution x, and the twists `sum cdof x` of the links (for forces: accelerations).
+    """
     c = cdof.shape[1]
     zero = (jnp.zeros((c, c), cdof.dtype), jnp.zeros(c, cdof.dtype))
     _, (gain, offset) = inward(tree, _eliminate, zero, link_matrix, (cdof, diagonal, force))
-    # The parents of the first level do not accelerate, so its gains need not be computed.
+    # The parents of the first level do not accelerate, so its gains are not needed.
     first = tree.levels[0].ndof if len(tree) else 0
     gain = jnp.concatenate([jnp.zeros_like(gain[:first]), gain[first:]])
     root = jnp.zeros((tree.nroot, c), cdof.dtype)
@@ -108,7 +112,7 @@ def articulated_solve(
 
 
 def _eliminate(children, matrix, dofs):
-    """Articulated inertia and bias seen by the parent, with the joint's own motion eliminated."""
+    """Articulated inertia and bias force of a subtree as seen by the parent link."""
     (articulated, bias), (S, diagonal, force) = children, dofs
     articulated = articulated + matrix
     U = S @ articulated
@@ -119,16 +123,16 @@ def _eliminate(children, matrix, dofs):
 
 
 def _rounding(articulated, S, diagonal):
-    """(n,) what rounding may take off the diagonal of `S articulated S^T + diag(diagonal)`.
+    """(n,) bound on the rounding error in the diagonal of `S articulated S^T + diag(diagonal)`.
 
-    Stiff contacts of a slender or light body leave less than that of its weakest motions.
+    With stiff contacts on a slender or light body, the inertia of some motion can be below it.
     """
     size = (S * S) @ jnp.diagonal(articulated) + diagonal
     return lax.stop_gradient(_UNITS * jnp.finfo(size.dtype).eps * size)
 
 
 def _substitute(parent, _, dofs):
-    """Joint acceleration from the parent's, then the link's."""
+    """The link's and the joint's acceleration from the parent link's."""
     S, gain, offset = dofs
     x = offset - gain @ parent
     return parent + x @ S, x
@@ -137,9 +141,9 @@ def _substitute(parent, _, dofs):
 def _solve_joint(joint, smallest, U, u):
     """`joint^-1 U` and `joint^-1 u`.
 
-    Factors are multiplied one after the other: the inverse, their product, has no accuracy left
-    where a contact is a million times stiffer than the joint is heavy. The two sides are not
-    joined: reverse mode would not see that the solve is linear in u alone.
+    The factors are applied one after the other, because their product, the inverse, loses all
+    accuracy where contact stiffness exceeds the joint's inertia by 1e6. The two right-hand sides
+    are solved separately, so that reverse mode sees that the second solve is linear in u.
     """
     n = joint.shape[0]
     if n == 1:
@@ -150,9 +154,9 @@ def _solve_joint(joint, smallest, U, u):
 
 
 def _factor(A, smallest):
-    """X and D of `A^-1 = X^T D^-1 X`: `X = L^-1` with `A = L D L^T`.
+    """X and D of `A^-1 = X^T D^-1 X`, where `X = L^-1` and `A = L D L^T`.
 
-    Elimination goes on in all rows: what is left of a row that is done is zero.
+    Each step eliminates in all rows; rows that are finished stay zero.
     """
     n = len(A)
     rest, rows, pivots = jnp.concatenate([A, jnp.eye(n, dtype=A.dtype)], axis=1), [], []
@@ -162,6 +166,6 @@ def _factor(A, smallest):
         pivots.append(pivot)
         if j + 1 < n:
             scaled = row / pivot
-            # Without a barrier it would be computed again for each of its rows and columns.
+            # Without a barrier XLA recomputes it for each of its rows and columns.
             rest = lax.optimization_barrier(rest - rest[:, j][:, None] * scaled[None])
     return jnp.stack(rows)[:, n:], jnp.stack(pivots)

@@ -1,9 +1,9 @@
-"""Shortest paths in the plane that pass a circle about the origin, outside it or through it.
+"""Shortest paths in the plane around a circle about the origin, or through it.
 
-The path is straight up to the circle, follows it, and leaves it on a tangent: what a cord does on
-a pulley. Whether a cord touches the circle at all is MuJoCo's rule (Computation, section Spatial
-tendons); where it does not, the numbers are finite and mean nothing. A path through a circle, as
-of a cord in a ring, touches it in one point.
+A path around the circle has two straight tangent parts and an arc between them, as a cord on a
+pulley. MuJoCo's rule decides whether it touches the circle (Computation, section Spatial tendons);
+where it does not, the results are finite but without meaning. A path through the circle, as of a
+cord in a ring, touches it in one point.
 """
 
 from typing import NamedTuple
@@ -16,8 +16,8 @@ from jaxtyping import Array, Bool, Float
 from jaxsim.arrays.constants import MINVAL
 from jaxsim.arrays.norms import norm_and_divisor
 
-# Newton's method for the angle of a path through a circle converges monotonically; so many steps
-# reach the rounding of float64 wherever the path is not within 1e-8 of grazing the circle.
+# Newton's method for the angle of a path through a circle converges monotonically. These steps
+# reach float64 accuracy unless the path is within 1e-8 of being tangent to the circle.
 _NEWTON_STEPS = 12
 
 
@@ -25,10 +25,10 @@ class Arc(NamedTuple):
     """The part of a path on the circle.
 
     Attributes:
-      touches: whether the path touches the circle; else it is a straight line.
-      start: where the path comes to the circle (m).
-      stop: where it leaves it (m).
-      length: of the arc between them (m).
+      touches: whether the path touches the circle; if not, it is a straight line.
+      start: point where the path meets the circle (m).
+      stop: point where it leaves the circle (m).
+      length: length of the arc between them (m).
     """
 
     touches: Bool[Array, ""]
@@ -43,13 +43,14 @@ def around(
     radius: Float[Array, ""],
     side: Float[Array, "2"] | None,
 ) -> Arc:
-    """The path outside the circle.
+    """The path around the circle.
 
     Args:
-      p0: where the path begins (m).
-      p1: where it ends (m).
-      radius: of the circle (m).
-      side: direction of the side on which the path passes the circle; None for the shorter way.
+      p0: first point of the path (m).
+      p1: last point of the path (m).
+      radius: radius of the circle (m).
+      side: direction from the centre to the side on which the path passes; None for the shorter
+        path.
     """
     gap = p1 - p0
     nearest = _nearest(p0, gap)
@@ -57,7 +58,7 @@ def around(
     if side is not None:
         meets = meets | (side @ nearest < 0)
     possible = meets & (gap @ gap >= MINVAL) & _outside(p0, p1, radius)
-    p0, p1, radius = _or_anything(possible, p0, p1, radius)
+    p0, p1, radius = _or_default(possible, p0, p1, radius)
     ways = [_tangents(p0, p1, radius, turn) for turn in (-1.0, 1.0)]
     cross = [_segments_meet(p0, start, p1, stop) for start, stop in ways]
     merit = [jnp.where(x, -1e4, _merit(*way, side)) for way, x in zip(ways, cross, strict=True)]
@@ -68,20 +69,21 @@ def around(
 
 
 def through(p0: Float[Array, "2"], p1: Float[Array, "2"], radius: Float[Array, ""]) -> Arc:
-    """The path through the circle, which is straight if the line from p0 to p1 meets the circle.
+    """The path through the circle; it is straight if the line from p0 to p1 meets the circle.
 
-    It touches the circle in the point where both parts make the same angle a with the normal. As
-    seen from the centre p0, at the distance l0, is at the angle `a - asin(r sin(a) / l0)` from that
-    point, and p1 likewise; both together are the known angle between p0 and p1.
+    Both straight parts have the same angle a to the normal at the point where they touch the
+    circle. Seen from the centre, the angle between this point and p0, at the distance l0, is
+    `a - asin(r sin(a) / l0)`, and likewise for p1. The sum of these two angles is the angle between
+    p0 and p1, an equation for a.
     """
     nearest = _nearest(p0, p1 - p0)
     possible = (nearest @ nearest > radius**2) & _outside(p0, p1, radius)
-    p0, p1, radius = _or_anything(possible, p0, p1, radius)
+    p0, p1, radius = _or_default(possible, p0, p1, radius)
     signed = jnp.arctan2(_cross(p0, p1), p0 @ p1)
     turn = jnp.where(signed < 0, -1.0, 1.0)
     # Less than one, so that the arc sines have finite derivatives.
-    below = 1 - jnp.finfo(radius.dtype).eps
-    ratio = [jnp.minimum(radius / jnp.sqrt(p @ p), below) for p in (p0, p1)]
+    largest = 1 - jnp.finfo(radius.dtype).eps
+    ratio = [jnp.minimum(radius / jnp.sqrt(p @ p), largest) for p in (p0, p1)]
     incidence = _incidence(ratio[0], ratio[1], turn * signed)
     angle = turn * (incidence - jnp.arcsin(ratio[0] * jnp.sin(incidence)))
     point = ratio[0] * (jnp.cos(angle) * p0 + jnp.sin(angle) * jnp.stack([-p0[1], p0[0]]))
@@ -91,9 +93,9 @@ def through(p0: Float[Array, "2"], p1: Float[Array, "2"], radius: Float[Array, "
 def _incidence(ratio0, ratio1, between) -> Float[Array, ""]:
     """The angle a with `asin(ratio0 sin a) + asin(ratio1 sin a) - 2 a + between = 0`.
 
-    The left side is decreasing and concave, and not positive at a quarter of a turn, from where
-    Newton's method goes down to the zero. It ends with two steps that are differentiated: the first
-    has the first derivative of the zero, both have the second.
+    The left side is decreasing and concave, and not positive at a = pi / 2, so Newton's method from
+    there converges monotonically. Its last two steps are differentiated: one gives the solution's
+    first derivative, two give its second derivative.
     """
 
     def newton(a, ratio0, ratio1, between):
@@ -115,12 +117,12 @@ def _incidence(ratio0, ratio1, between) -> Float[Array, ""]:
 
 
 def _tangents(p0, p1, radius, turn):
-    """Where tangents from both points touch the circle, of a path that turns this way."""
+    """Tangent points from p0 and p1, for a path that goes around in the direction `turn`."""
     return _tangent(p0, radius, -turn), _tangent(p1, radius, turn)
 
 
 def _tangent(p, radius, turn):
-    """Where a tangent through p touches the circle; `turn` says which of the two tangents."""
+    """Tangent point of one of the two tangents through p, selected by the sign `turn`."""
     square = p @ p
     beyond = square - radius**2
     height = jnp.where(beyond > 0, jnp.sqrt(jnp.where(beyond > 0, beyond, 1.0)), 0.0)
@@ -128,13 +130,13 @@ def _tangent(p, radius, turn):
 
 
 def _angle(start, stop, turn):
-    """The angle from one point to another, turning this way, from zero to a whole turn."""
+    """Angle from `start` to `stop` in the direction `turn`, from 0 to 2 pi."""
     angle = jnp.arctan2(turn * _cross(start, stop), start @ stop)
     return jnp.where(angle < 0, angle + 2 * np.pi, angle)
 
 
 def _merit(start, stop, side):
-    """How good a path is: short, or on the right side. Only compared."""
+    """A number by which paths are compared: higher if shorter, or further on the given side."""
     if side is None:
         return -(start - stop) @ (start - stop)
     middle = start + stop
@@ -158,12 +160,12 @@ def _segments_meet(a0, a1, b0, b1) -> Bool[Array, ""]:
 
 
 def _outside(p0, p1, radius) -> Bool[Array, ""]:
-    """Whether there is a circle, and both points are outside it."""
+    """Whether the radius is positive and both points are outside the circle."""
     return (p0 @ p0 >= radius**2) & (p1 @ p1 >= radius**2) & (radius >= MINVAL)
 
 
-def _or_anything(possible, p0, p1, radius):
-    """These points and radius, or some for which all formulas are finite."""
+def _or_default(possible, p0, p1, radius):
+    """The points and the radius where `possible`, else some for which all formulas are finite."""
     one, two = np.array([2.0, 0.0]), np.array([0.0, 2.0])
     return (
         jnp.where(possible, p0, one.astype(p0.dtype)),

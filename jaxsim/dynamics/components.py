@@ -1,11 +1,11 @@
-"""The components of a twist that a model's links can have at all.
+"""The components of twists that can be nonzero in a model.
 
-Twists are in world axes about a fixed point. Where all hinges turn about one coordinate axis, as
-in a planar mechanism, most of the six components stay zero whatever happens. The articulated
-solves leave those out: a planar link then has an inertia of 3x3 numbers, a slider's is one number.
+Twists are in world axes about a fixed point. In a planar mechanism, where all hinges have the same
+axis, most of the six components are always zero. Articulated solves leave these out: a planar link
+then has a 3x3 inertia, a slider a 1x1 inertia.
 
-Nothing is lost by it, neither in values nor in derivatives: it is done only where the axes of the
-joints are numbers while a program is traced, not arguments that may be mapped or differentiated.
+Values and derivatives stay exact: components are left out only if the axes of the joints are
+numbers while a program is traced, not arguments that may be mapped or differentiated.
 """
 
 import functools
@@ -33,7 +33,7 @@ class RestrictedInertia:
     """An inertia for twists with c components.
 
     Attributes:
-      matrix: these rows and columns of the spatial inertia.
+      matrix: rows and columns of the spatial inertia for these components.
     """
 
     matrix: Float[Array, "c c"]
@@ -49,9 +49,9 @@ class RestrictedInertia:
 
 @fact("jnt_axis", "body_quat", unknown=ALL)
 def motion_components(model: Model, axes: np.ndarray, quats: np.ndarray) -> Components:
-    """Which of the six components, angular first, are not zero for all motions of all links.
+    """Components of twists, angular first, that can be nonzero for some motion of some link.
 
-    All of them if the axes of the joints are not known while tracing.
+    All six if the axes of the joints are traced.
     """
     structure = model.structure
     joints = [JOINTS[int(t)] for t in structure.jnt_type]
@@ -64,13 +64,13 @@ def motion_components(model: Model, axes: np.ndarray, quats: np.ndarray) -> Comp
     angular, along = (np.abs(directions[some]).max(0, initial=0) > 0 for some in (turns, slides))
     if angular.sum() > 1:
         return ALL
-    # What turns about an axis carries all other things in the plane across it.
+    # A rotation moves points only in the plane across its axis.
     linear = along | ~angular if angular.any() else along
     return tuple(np.nonzero(np.concatenate([angular, linear]))[0].tolist())
 
 
 def restrict(components: Components, twists: Float[Array, "*n 6"]) -> Float[Array, "*n c"]:
-    """These components of twists or wrenches."""
+    """Select components of twists or wrenches."""
     if components == ALL:
         return twists
     one = functools.partial(take, index=np.array(components))
@@ -80,7 +80,7 @@ def restrict(components: Components, twists: Float[Array, "*n 6"]) -> Float[Arra
 
 
 def restrict_matrix(components: Components, matrix: Float[Array, "6 6"]) -> Float[Array, "c c"]:
-    """These rows and columns."""
+    """Select the rows and columns of a 6x6 matrix for these components."""
     return restrict(components, take(matrix, np.array(components)))
 
 
@@ -92,9 +92,9 @@ def restrict_inertia(components: Components, inertia: Inertia) -> Inertia | Rest
 
 
 def _world_axes(structure: Structure, axes: np.ndarray, quats: np.ndarray) -> np.ndarray:
-    """(njnt, 3) axes of all joints in world axes where no joint has turned.
+    """(njnt, 3) axes of all joints in world axes, at zero displacement of all joints.
 
-    If all hinges are parallel there, none of them ever turns another one.
+    If all hinges are parallel in this configuration, they are parallel in every configuration.
     """
     turned = np.array(quats, float)
     for body in range(1, structure.nbody):

@@ -1,9 +1,9 @@
 """The Coriolis matrix: velocity-dependent forces as a matrix times `qvel`.
 
-Of the many matrices C with the right product `C qvel`, this is the one for which `dM/dt - 2 C` is
-skew-symmetric, the property behind passivity-based control: Coriolis forces do no work. It is a
-sum over the links of `J^T (G dJ/dt + B J)`, with inertia G and a matrix B that factors the link's
-own velocity-dependent force. Echeandia and Wensing, Numerical methods to compute the Coriolis
+Many matrices C have the right product `C qvel`. For this one, `dM/dt - 2 C` is skew-symmetric, the
+property that passivity-based control needs: Coriolis forces do no work. It is the sum over links of
+`J^T (G dJ/dt + B J)`, where G is the link's inertia and B a matrix such that `B v` is the link's
+velocity-dependent force. Echeandia and Wensing, Numerical methods to compute the Coriolis
 matrix and Christoffel symbols for rigid-body systems (2021), section 3.
 """
 
@@ -38,7 +38,7 @@ def coriolis_matrix(model: Model, kin: Kinematics, vel: Velocities) -> Float[Arr
     inertia, factor = accumulate_inward(tree, (matrices, factors))
     inertia, factor = take(inertia, tree.dof_node), take(factor, tree.dof_node)
     rate = _axis_rates(model, kin, vel)
-    # Rows i and columns j; the deeper of the two links carries everything that both move.
+    # Rows i and columns j; the deeper of the two links carries all bodies that both dofs move.
     from_row = jax.vmap(lambda S, G, B: (S @ G, S @ B))(kin.cdof, inertia, factor)
     from_column = jax.vmap(lambda S, dS, G, B: G @ dS + B @ S)(kin.cdof, rate, inertia, factor)
     row_deeper = from_row[0] @ rate.T + from_row[1] @ kin.cdof.T
@@ -63,7 +63,7 @@ def _momentum_cross(h) -> Float[Array, "6 6"]:
 
 
 def _axis_rates(model: Model, kin: Kinematics, vel: Velocities) -> Float[Array, "nv 6"]:
-    """Rates of the motion axes, of those that turn with their links."""
+    """Rates of the motion axes; zero for axes that do not turn with their links."""
     tree = model.tree
     rate = jax.vmap(cross_motion)(take(vel.cvel, tree.dof_node), kin.cdof)
     return jnp.where(turning(tree.kind)[:, None], rate, 0)

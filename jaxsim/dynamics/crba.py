@@ -1,4 +1,4 @@
-"""Composite rigid bodies: the mass matrix.
+"""The composite rigid body algorithm: the mass matrix.
 
 Featherstone, Rigid Body Dynamics Algorithms (2008), section 6.2.
 """
@@ -21,7 +21,7 @@ from jaxsim.model.topology import Forest
 
 @full_precision
 def mass_matrix(model: Model, qpos: Float[Array, "nq"]) -> Float[Array, "nv nv"]:
-    """Mass matrix in joint space, armature included; symmetric positive definite.
+    """Joint-space mass matrix with armature; symmetric and positive definite.
 
     Args:
       model: the model.
@@ -36,7 +36,7 @@ def mass_matrix(model: Model, qpos: Float[Array, "nq"]) -> Float[Array, "nv nv"]
 
 
 def composite_mass_matrix(model: Model, kin: Kinematics) -> Float[Array, "nv nv"]:
-    """The mass matrix from known kinematics."""
+    """The mass matrix in MuJoCo's order, from kinematics."""
     armature = to_tree_order(model, dof_armature(model))
     mass = composite_matrix(model.tree, kin.cdof, kin.inertia, armature)
     return from_tree_order(model, from_tree_order(model, mass).T)
@@ -45,26 +45,26 @@ def composite_mass_matrix(model: Model, kin: Kinematics) -> Float[Array, "nv nv"
 def composite_matrix(
     tree: Forest, cdof: Float[Array, "nv c"], inertia: Any, diagonal: Float[Array, "nv"]
 ) -> Float[Array, "nv nv"]:
-    """`H = sum_links J^T K J + diag(d)`, which `aba.articulated_solve` solves, as a matrix.
+    """The matrix `H = sum_links J^T K J + diag(d)` with which `aba.articulated_solve` solves.
 
-    `H_ij = cdof_i . (K_c cdof_j)` where i moves j's link, K_c the sum of K over j's subtree.
+    `H_ij = cdof_i . (K_c cdof_j)` where i moves j's link; K_c is the sum of K over j's subtree.
 
     Args:
       tree: the links.
       cdof: motion axes, tree order.
-      inertia: K of each link, a pytree of sums whose `apply` is the product with a twist.
+      inertia: K of each link, a pytree that can be summed and whose `apply` multiplies a twist.
       diagonal: d, tree order.
     """
     zero = jax.tree.map(lambda a: jnp.zeros(a.shape[1:], a.dtype), inertia)
     _, momentum = inward(tree, _composite, zero, inertia, cdof)
     products = momentum @ cdof.T
-    # [j, i] where dof i moves the link of dof j; within one joint each dof moves the others.
+    # [j, i]: whether dof i moves the link of dof j, which all dofs of one joint do for each other.
     related = tree.moves[tree.dof_node]
     full = jnp.where(related, products, jnp.where(related.T, products.T, 0))
     return full + jnp.diag(diagonal)
 
 
 def _composite(children, own, axes):
-    """The inertia of a subtree, and its momenta as it moves along the axes of the joint."""
+    """The inertia of a subtree, and its momenta for unit velocities of the joint."""
     total = jax.tree.map(jnp.add, children, own)
     return total, jax.vmap(total.apply)(axes)

@@ -1,6 +1,6 @@
 """Fixed tendons: lengths that are linear combinations of joint positions.
 
-All results have a place for every tendon of the model; spatial tendons count as zero.
+Results have an entry for every tendon of the model, which is zero for spatial tendons.
 """
 
 import jax.numpy as jnp
@@ -29,7 +29,7 @@ def fixed_velocity(model: Model, qvel: Float[Array, "nv"]) -> Float[Array, "nten
 
 
 def fixed_force_on_joints(model: Model, tension: Float[Array, "ntendon"]) -> Float[Array, "nv"]:
-    """Generalised forces `J^T f` of forces along the tendons, positive if they lengthen."""
+    """Generalised forces `J^T tension` of forces along the tendons, positive if they lengthen."""
     wraps, tendons = _wraps(model)
     each = take(model.wrap_prm, wraps) * take(tension, tendons)
     return sum_by(each, model.jnt_dofadr[model.wrap_objid[wraps]], model.nv)

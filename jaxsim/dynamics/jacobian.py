@@ -1,4 +1,4 @@
-"""Jacobians of points and frames, and what their change in time adds to accelerations.
+"""Jacobians of points and frames, and the products of their time derivatives with `qvel`.
 
 `jacp` and `jacr` map `qvel` to the velocity of a point and to the angular velocity of a body,
 in world axes; layout and order of the degrees of freedom are those of MuJoCo's `mj_jac`.
@@ -25,10 +25,10 @@ def point_jacobian(
       model: the model.
       kin: its kinematics.
       body: number of the body, static.
-      point: where the point is now, world coordinates (m).
+      point: position of the point, world coordinates (m).
 
     Returns:
-      `(jacp, jacr)`, zero for the columns of joints that do not move the body.
+      `(jacp, jacr)`; columns of joints that do not move the body are zero.
 
     Raises:
       IndexError: there is no such body.
@@ -71,12 +71,12 @@ def site_jacobian(model: Model, kin: Kinematics, site: int):
 def body_jacobians(
     model: Model, kin: Kinematics, point: Float[Array, "nbody 3"]
 ) -> Float[Array, "nbody 6 nv"]:
-    """Jacobians of one point on every body; rows are angular, then linear velocity.
+    """Jacobians of one point on each body; rows are angular, then linear velocity.
 
     Args:
       model: the model.
       kin: its kinematics.
-      point: for each body the point that moves with it, world coordinates (m).
+      point: position of each body's point, world coordinates (m).
     """
     tree = model.tree
     origin = from_tree_order(model, take(kin.origin, tree.root[tree.dof_node]))
@@ -94,16 +94,14 @@ def body_jacobians(
 def jacobian_dot_qvel(
     model: Model, kin: Kinematics, vel: Velocities, body: int, point: Float[Array, "3"]
 ) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
-    """`d(jacp)/dt @ qvel` and `d(jacr)/dt @ qvel`: accelerations of a body while `qacc` is zero.
-
-    The point moves with the body.
+    """`d(jacp)/dt @ qvel` and `d(jacr)/dt @ qvel`: a body's accelerations where `qacc` is zero.
 
     Args:
       model: the model.
       kin: its kinematics.
       vel: its velocities.
       body: number of the body, static.
-      point: where the point is now, world coordinates (m).
+      point: position of a point that moves with the body, world coordinates (m).
 
     Returns:
       Acceleration of the point (m/s^2), angular acceleration of the body (rad/s^2).

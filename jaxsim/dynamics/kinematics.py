@@ -1,4 +1,4 @@
-"""Forward kinematics: from coordinates to the poses of everything, and the joints' motion axes."""
+"""Forward kinematics: poses of links, bodies, geoms and sites, and motion axes of the joints."""
 
 import jax
 import jax.numpy as jnp
@@ -21,12 +21,12 @@ from jaxsim.spatial import Inertia, Pose, quat_normalize, quat_to_matrix
 
 @struct.dataclass
 class Kinematics:
-    """Where everything is, in world coordinates; names, shapes and order are MuJoCo's.
+    """Poses in world coordinates; names, shapes and order are MuJoCo's unless said otherwise.
 
-    `spatial_J` has the rows of MuJoCo's `ten_J` for spatial tendons alone. What follows is what the
-    recursions work on: twists, wrenches and inertias in world axes about the reference point of
-    each tree, links and degrees of freedom in tree order. The reference point is the origin of the
-    tree's first body, which keeps float32 accurate far from the world's origin.
+    `spatial_J` has the rows of MuJoCo's `ten_J` for spatial tendons only. The fields after it are
+    for the recursions: links and degrees of freedom are in tree order; twists and inertias are in
+    world axes about `origin`, the reference point of each tree. It is the origin of the tree's
+    first body, which keeps float32 accurate far from the world's origin.
     """
 
     xpos: Float[Array, "nbody 3"]
@@ -62,7 +62,7 @@ def kinematics(
       qpos: coordinates; quaternions need not be normalised.
       mocap_pos: positions of the mocap bodies; None for those of the model.
       mocap_quat: orientations of the mocap bodies.
-      links: `link_parameters(model)`, where it is known already.
+      links: `link_parameters(model)`, if already computed.
     """
     links = link_parameters(model) if links is None else links
     base = _base_poses(model, mocap_pos, mocap_quat)
@@ -75,7 +75,7 @@ def kinematics(
     geoms = _attached(body.pos, xmat, model.geom_bodyid, model.geom_pos, model.geom_quat)
     sites = _attached(body.pos, xmat, model.site_bodyid, model.site_pos, model.site_quat)
     origin = take(pose.pos, reference_links(model))
-    # The roots' numbers are static, so this is a copy for one tree and a gather for many.
+    # The roots are static, so this is a broadcast for one tree and a gather for several.
     relative = pose.pos - take(origin, model.tree.root)
     mat = jax.vmap(quat_to_matrix)(pose.quat)
     poses = Kinematics(
@@ -103,14 +103,14 @@ def kinematics(
 
 
 def reference_links(model: Model) -> np.ndarray:
-    """(ntree,) link whose origin is each tree's reference point: its first body's frame."""
+    """(ntree,) link of each tree's first body, whose origin is the tree's reference point."""
     tree = model.tree
     body = model.jnt_bodyid[tree.order[: tree.nroot]]
     return tree.position[model.body_jntadr[body] + model.body_jntnum[body] - 1]
 
 
 def _base_poses(model: Model, mocap_pos, mocap_quat) -> Pose:
-    """(1 + nmocap,) poses of what does not move by joints: the world, then mocap bodies."""
+    """(1 + nmocap,) poses of the world and the mocap bodies, which no joint moves."""
     world = Pose.identity(model.body_pos.dtype)
     base = jax.tree.map(lambda a: a[None], world)
     if model.nmocap == 0:
@@ -123,12 +123,12 @@ def _base_poses(model: Model, mocap_pos, mocap_quat) -> Pose:
 
 
 def _base_index(model: Model, bodies: np.ndarray) -> np.ndarray:
-    """Which base pose carries each of some bodies that no joint moves."""
+    """Index into `_base_poses` of the carrier of each of some bodies that no joint moves."""
     return model.body_mocapid[model.structure.body_carrier[bodies]] + 1
 
 
 def _link_poses(model: Model, links: Links, qpos, base: Pose) -> Pose:
-    """World poses of the links: composition from the roots outward."""
+    """World poses of the links, composed from the roots outward."""
     tree = model.tree
     displacement = _joint_poses(model, links, qpos)
     local = jax.vmap(Pose.__matmul__)(links.offset, displacement)
@@ -163,7 +163,7 @@ def _motion_axes(tree: Forest, links: Links, mat, relative) -> Float[Array, "nv 
 
 
 def _body_poses(model: Model, links: Links, pose: Pose, base: Pose) -> Pose:
-    """World poses of all bodies: their carrier's, composed with where they sit on it."""
+    """World poses of all bodies: the pose of the carrier times the body's pose on it."""
     bodies = np.arange(model.nbody)
     link = model.body_link
     index = np.where(
@@ -192,7 +192,7 @@ def _attached(xpos, xmat, bodies, pos, quat):
 
 
 def _subtree_com(model: Model, xipos) -> Float[Array, "nbody 3"]:
-    """Centre of mass of each body's subtree; without mass, of the body's inertial frame."""
+    """Centre of mass of each body's subtree; the body's `xipos` if the subtree has no mass."""
     forest = model.structure.body_tree
     mass = take(model.body_mass, forest.order)
     moment = mass[:, None] * take(xipos, forest.order)

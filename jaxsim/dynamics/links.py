@@ -1,8 +1,8 @@
-"""Links: what the model's bodies and joints are to the recursions.
+"""Links: the nodes of the tree over which the recursions run.
 
-One joint is one link. A body with three hinges is three links, the first two without mass; bodies
-welded to a body belong to its link. All numbers are computed from the model's leaves, so they
-follow when a user changes, vmaps or differentiates a mass or a pose.
+Each joint has one link. A body with three hinges is three links, of which the first two have no
+mass. Bodies without joints belong to the link of the body to which they are fixed. All numbers are
+computed from the model's leaves, so masses and poses can be changed, vmapped and differentiated.
 """
 
 import jax
@@ -20,7 +20,7 @@ from jaxsim.spatial import Inertia, Pose, quat_normalize
 
 @struct.dataclass
 class Links:
-    """Constants of the links in tree order, and where the bodies sit on them.
+    """Constant parameters of the links in tree order, and poses of the bodies on them.
 
     Attributes:
       offset: pose of each link's joint frame in its parent link, at zero joint displacement.
@@ -38,7 +38,7 @@ class Links:
 
 
 def link_parameters(model: Model) -> Links:
-    """Merge the model's bodies into links."""
+    """Parameters of the links, computed from those of the bodies and joints."""
     body = _poses_on_carrier(model)
     joints = model.tree.order
     return Links(
@@ -51,7 +51,7 @@ def link_parameters(model: Model) -> Links:
 
 
 def _poses_on_carrier(model: Model) -> Pose:
-    """(nbody,) poses; the identity for the world and for bodies with joints or mocap."""
+    """(nbody,) pose of each body on its carrier; the identity for carriers themselves."""
     forest = model.weld_tree
     is_carrier = forest.parent < 0
     local = _local_poses(model, forest.order, is_carrier)
@@ -61,7 +61,7 @@ def _poses_on_carrier(model: Model) -> Pose:
 
 
 def _local_poses(model: Model, bodies: np.ndarray, identity: np.ndarray) -> Pose:
-    """Poses of bodies in their parents, the identity where a static mask says so."""
+    """Poses of bodies in their parents; the identity where the mask `identity` is true."""
     none = _identities(len(bodies), model.body_pos.dtype)
     quat = jax.vmap(quat_normalize)(take(model.body_quat, bodies))
     mask = identity[:, None]
@@ -72,9 +72,9 @@ def _local_poses(model: Model, bodies: np.ndarray, identity: np.ndarray) -> Pose
 
 
 def _offsets(model: Model, body: Pose) -> Pose:
-    """Where the first joint of a body sits on the parent's link; identity for further joints.
+    """Pose of a body's first joint in the parent's link; the identity for further joints.
 
-    A joint that places its body in the world does so whatever the model says about its parent.
+    It is the identity, too, for a joint whose pose is in the world (`Joint.in_world`).
     """
     joints = model.tree.order
     bodies = model.jnt_bodyid[joints]

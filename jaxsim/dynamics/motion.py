@@ -1,4 +1,4 @@
-"""`Motion`: what is known at a position and a velocity, before any force."""
+"""`Motion`: kinematics and velocities of a model in one state, before any force is computed."""
 
 from flax import struct
 from jaxtyping import Array, Float
@@ -11,13 +11,13 @@ from jaxsim.model import Model, State
 
 @struct.dataclass
 class Motion:
-    """A model at one position and velocity.
+    """Kinematics and velocities of a model at one position and velocity.
 
     Attributes:
       model: the model.
       qpos: coordinates.
       qvel: velocities.
-      kin: poses of everything, motion axes, inertias of the links.
+      kin: poses, motion axes and inertias of the links.
       vel: twists of the links, and their accelerations without `qacc`.
     """
 

@@ -1,6 +1,6 @@
-"""Damping and armature of actuators, as the joints and tendons that they move see it.
+"""Reflected damping and armature: those of actuators at the joints and tendons that they drive.
 
-Through a gear g, a coefficient on the motor's side counts `g^2` times on the other side.
+Behind a gear ratio g, a coefficient of the motor is multiplied by `g^2`.
 """
 
 import jax.numpy as jnp
@@ -16,12 +16,12 @@ _TENDON = (int(mujoco.mjtTrn.mjTRN_TENDON),)
 
 
 def dof_armature(model: Model) -> Float[Array, "nv"]:
-    """Armature of each degree of freedom, motors included (kg or kg m^2)."""
+    """Armature of each degree of freedom with that of its actuators (kg or kg m^2)."""
     return model.dof_armature + _on_dofs(model, model.actuator_armature)
 
 
 def dof_damping(model: Model) -> tuple[Float[Array, "nv"], Float[Array, "nv npoly"]]:
-    """Linear and polynomial damping of each degree of freedom, motors included."""
+    """Linear and polynomial damping of each degree of freedom with that of its actuators."""
     return (
         model.dof_damping + _on_dofs(model, model.actuator_damping),
         model.dof_dampingpoly + _on_dofs(model, model.actuator_dampingpoly),
@@ -29,7 +29,7 @@ def dof_damping(model: Model) -> tuple[Float[Array, "nv"], Float[Array, "nv npol
 
 
 def tendon_damping(model: Model) -> tuple[Float[Array, "ntendon"], Float[Array, "ntendon npoly"]]:
-    """Linear and polynomial damping of each tendon, motors included."""
+    """Linear and polynomial damping of each tendon with that of its actuators."""
     return (
         model.tendon_damping + _on_targets(model, model.actuator_damping, _TENDON, model.ntendon),
         model.tendon_dampingpoly
@@ -38,7 +38,7 @@ def tendon_damping(model: Model) -> tuple[Float[Array, "ntendon"], Float[Array, 
 
 
 def _on_dofs(model: Model, coefficient):
-    """All degrees of freedom of a ball or free joint get the same share."""
+    """Sums over the actuators of each joint, the same for all its degrees of freedom."""
     return take(_on_targets(model, coefficient, _JOINT, model.njnt), model.dof_jntid)
 
 

@@ -1,7 +1,7 @@
-"""Recursive Newton-Euler: the forces that a motion needs, O(n).
+"""The recursive Newton-Euler algorithm: inverse dynamics in O(n).
 
-Featherstone, Rigid Body Dynamics Algorithms (2008), section 5.3. In world axes about one point
-nothing has to be transformed: velocities and accelerations are sums from the roots outward,
+Featherstone, Rigid Body Dynamics Algorithms (2008), section 5.3. In world axes about one point no
+transformations are needed: velocities and accelerations are running sums from the roots outward,
 forces are sums from the leaves inward.
 """
 
@@ -29,7 +29,7 @@ _GRAVITY_OFF = mujoco.mjtDisableBit.mjDSBL_GRAVITY
 def inverse_dynamics(
     model: Model, qpos: Float[Array, "nq"], qvel: Float[Array, "nv"], qacc: Float[Array, "nv"]
 ) -> Float[Array, "nv"]:
-    """Generalised forces of a motion, `M qacc + qfrc_bias`, without constraints.
+    """Generalised forces that produce a motion without constraints, `M qacc + qfrc_bias`.
 
     Args:
       model: the model.
@@ -54,20 +54,27 @@ def inverse_dynamics(
 
 
 def qfrc_bias(model: Model, kin: Kinematics, vel: Velocities) -> Float[Array, "nv"]:
-    """Coriolis, centrifugal and gravity forces: what `M qacc` adds up to with all other forces."""
+    """Coriolis, centrifugal and gravity forces: `M qacc + qfrc_bias` is the sum of all others."""
     force = link_forces(model, kin, vel, link_accelerations(model, kin, vel))
     return generalized_force(model, kin, force)
 
 
 def gravity(model: Model) -> Float[Array, "3"]:
-    """Acceleration of gravity, zero if the model switches it off."""
+    """Gravitational acceleration (m/s^2); zero if the model disables gravity."""
     return model.opt.gravity * (0.0 if model.opt.disabled(_GRAVITY_OFF) else 1.0)
 
 
 def link_accelerations(
     model: Model, kin: Kinematics, vel: Velocities, qacc: Float[Array, "nv"] | None = None
 ) -> Float[Array, "njnt 6"]:
-    """Accelerations of the links relative to free fall: the roots accelerate against gravity."""
+    """Accelerations of the links minus gravity: a link at rest has acceleration `-gravity`.
+
+    Args:
+      model: the model.
+      kin: its kinematics.
+      vel: its velocities.
+      qacc: accelerations of the degrees of freedom; None for zero.
+    """
     total = vel.bias
     if qacc is not None:
         tree = model.tree
@@ -80,7 +87,7 @@ def link_accelerations(
 def link_forces(
     model: Model, kin: Kinematics, vel: Velocities, acceleration: Float[Array, "njnt 6"]
 ) -> Float[Array, "njnt 6"]:
-    """Newton-Euler for each link by itself: `F = G a + v x* (G v)`."""
+    """Total wrench on each link by the Newton-Euler equation, `F = G a + v x* (G v)`."""
 
     def one(inertia: Inertia, v, a):
         return inertia.apply(a) + cross_force(v, inertia.apply(v))
@@ -91,7 +98,7 @@ def link_forces(
 def generalized_force(
     model: Model, kin: Kinematics, link_wrench: Float[Array, "njnt 6"]
 ) -> Float[Array, "nv"]:
-    """What wrenches on the links do to the degrees of freedom: `J^T F`.
+    """Generalised forces `J^T F` of wrenches on the links.
 
     Args:
       model: the model.
@@ -104,7 +111,7 @@ def generalized_force(
 def tree_force(
     tree: Forest, cdof: Float[Array, "nv k"], link_wrench: Float[Array, "njnt k"]
 ) -> Float[Array, "nv"]:
-    """`generalized_force` in tree order; k is 6, or 3 in a plane."""
+    """`generalized_force` in tree order, for wrenches with k components."""
     total = accumulate_inward(tree, link_wrench)
     return (cdof * take(total, tree.dof_node)).sum(1)
 
@@ -115,19 +122,19 @@ def project_wrench(
     wrench: Float[Array, "nbody 6"],
     point: Float[Array, "nbody 3"],
 ) -> Float[Array, "nv"]:
-    """Generalised force of wrenches on bodies.
+    """Generalised forces of wrenches on bodies.
 
     Args:
       model: the model.
       kin: its kinematics.
       wrench: (torque, force) on each body, world axes.
-      point: where each force acts (m).
+      point: point of action on each body, world coordinates (m).
     """
     return generalized_force(model, kin, wrench_on_links(model, kin, wrench, point))
 
 
 def wrench_on_links(model: Model, kin: Kinematics, wrench, point) -> Float[Array, "njnt 6"]:
-    """Sums of wrenches on bodies over the links that carry them, about the reference points."""
+    """Wrenches on links about the trees' reference points, from wrenches on bodies."""
     (moving,) = (model.body_link >= 0).nonzero()
     link = model.body_link[moving]
     arm = take(point, moving) - take(take(kin.origin, model.tree.root), link)

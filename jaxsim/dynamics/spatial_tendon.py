@@ -1,9 +1,8 @@
 """Spatial tendons: lengths of shortest paths through sites and over surfaces, and their Jacobian.
 
-A tendon is a cord under tension without friction. Its length changes only by what its ends move
-along the straight parts: the derivative of the length is the sum over straight parts of the
-direction times the difference of the velocities of their ends, points on bodies. What the points
-on a surface would move along it changes nothing, as the path is the shortest.
+A tendon is a frictionless cord under tension. The rate of its length is a sum over its straight
+parts, of the direction times the difference of the velocities of both ends, which are points on
+bodies. Sliding of these points along a surface does not count, because the path is the shortest.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -27,14 +26,14 @@ _WRAPS = {SPHERE: wrap_sphere, CYLINDER: wrap_cylinder}
 
 
 class Pull(NamedTuple):
-    """What a unit of tension, positive if it lengthens, does at the ends of a segment.
+    """Lengths of segments and the forces of a unit tension, positive if it lengthens the tendon.
 
     Attributes:
-      length: of the segment (m).
-      first: direction of the force on its first site, reversed.
-      last: direction of the force on its last site.
-      start: where the tendon comes to the surface (m); the first force acts there, too.
-      stop: where it leaves the surface; minus the last force acts there.
+      length: length of the segment (m).
+      first: unit vector; the force on the first site is `-first`.
+      last: unit vector; the force on the last site is `last`.
+      start: point where the tendon meets the surface (m); the force on the surface is `first`.
+      stop: point where it leaves the surface (m); the force on the surface is `-last`.
     """
 
     length: Float[Array, ""]
@@ -47,11 +46,11 @@ class Pull(NamedTuple):
 def spatial_paths(
     model: Model, kin: "Kinematics"
 ) -> tuple[Float[Array, "ntendon"], Float[Array, "nspatial nv"]]:
-    """Lengths, zero for fixed tendons, and the Jacobian of the spatial ones alone.
+    """Lengths of all tendons (zero for fixed ones) and the Jacobian of the spatial tendons.
 
     Args:
       model: the model.
-      kin: its kinematics, of which only poses and motion axes are read.
+      kin: its kinematics; only poses and motion axes are read.
     """
     kinds, dtype = segments(model), kin.cdof.dtype
     lengths, wrenches = [jnp.zeros(0, dtype)], [jnp.zeros((0, 6), dtype)]
@@ -69,7 +68,7 @@ def spatial_paths(
 
 
 def _pulls(model: Model, kin: "Kinematics", alike: Segments) -> Pull:
-    """Directions and lengths of segments that are alike."""
+    """Lengths and forces of segments of one kind."""
     ends = take(kin.site_xpos, alike.first), take(kin.site_xpos, alike.last)
     wrap = _WRAPS.get(alike.surface)
     if wrap is None:
@@ -87,7 +86,7 @@ def _straight(x0, x1) -> Pull:
 
 
 def _over(wrap, x0, x1, *surface) -> Pull:
-    """Over a surface, or straight past it: then both forces act there at one point and cancel."""
+    """A segment over a surface. If it misses it, both forces act at one point there and cancel."""
     w, direct = wrap(x0, x1, *surface), _straight(x0, x1)
     before, after = _straight(x0, w.start), _straight(w.stop, x1)
     length = before.length + w.length + after.length
@@ -96,7 +95,7 @@ def _over(wrap, x0, x1, *surface) -> Pull:
 
 
 def _share(model: Model, alike: Segments) -> Float[Array, "n"]:
-    """What of each segment's length counts: a pulley divides it."""
+    """Factor of each segment's length: one over the divisor of its pulley."""
     if (alike.pulley < 0).all():
         return jnp.ones(len(alike.pulley), model.wrap_prm.dtype)
     divisor = jnp.append(model.wrap_prm, 1.0)
@@ -104,7 +103,7 @@ def _share(model: Model, alike: Segments) -> Float[Array, "n"]:
 
 
 def _wrenches(model: Model, kin: "Kinematics", alike: Segments, pull: Pull):
-    """Bodies and wrenches on them about the reference points of their trees."""
+    """Yield bodies and the wrenches on them, about the reference points of their trees."""
     first, last = model.site_bodyid[alike.first], model.site_bodyid[alike.last]
     points = take(kin.site_xpos, alike.first), take(kin.site_xpos, alike.last)
     yield first, -_about(model, kin, first, points[0], pull.first)
@@ -116,7 +115,7 @@ def _wrenches(model: Model, kin: "Kinematics", alike: Segments, pull: Pull):
 
 
 def _about(model: Model, kin: "Kinematics", body: np.ndarray, point, force):
-    """(n, 6) wrenches of forces at points on bodies; about anything for those that never move."""
+    """(n, 6) wrenches of forces at points on bodies; arbitrary for bodies that never move."""
     link = model.body_link[body]
     if not len(model.tree):
         return jnp.concatenate([force, force], axis=1)
@@ -125,7 +124,7 @@ def _about(model: Model, kin: "Kinematics", body: np.ndarray, point, force):
 
 
 def _rows(model: Model, kin: "Kinematics", wrench, pairs: np.ndarray):
-    """The Jacobian from wrenches on links, given with their tendon and link."""
+    """The Jacobian, from wrenches on links; `pairs` are the (tendon, link) of each wrench."""
     spatial = spatial_tendons(model)
     moving = pairs[:, 1] >= 0
     unique, group = np.unique(pairs[moving], axis=0, return_inverse=True)

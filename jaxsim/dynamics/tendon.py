@@ -1,7 +1,7 @@
-"""Tendons of both kinds: rates of their lengths, and what forces along them do to the joints.
+"""Fixed and spatial tendons together: rates of lengths, generalised forces and the Jacobian.
 
-Lengths are in `Kinematics.ten_length`. A fixed tendon has few joints and a constant Jacobian, which
-is never built where products suffice; the Jacobian of the spatial ones is in `Kinematics`.
+Lengths are in `Kinematics.ten_length`, and the Jacobian of spatial tendons is in
+`Kinematics.spatial_J`. For fixed tendons, products with the Jacobian do not build the matrix.
 """
 
 import jax.numpy as jnp
@@ -27,7 +27,7 @@ def tendon_velocity(
 def tendon_force_on_joints(
     model: Model, kin: Kinematics, tension: Float[Array, "ntendon"]
 ) -> Float[Array, "nv"]:
-    """Generalised forces `J^T f` of forces along the tendons, positive if they lengthen."""
+    """Generalised forces `J^T tension` of forces along the tendons, positive if they lengthen."""
     fixed, spatial = fixed_force_on_joints(model, tension), spatial_tendons(model)
     return fixed + take(tension, spatial) @ kin.spatial_J if len(spatial) else fixed
 

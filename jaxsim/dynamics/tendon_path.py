@@ -1,6 +1,6 @@
-"""Paths of spatial tendons: which sites and surfaces each of their segments runs between.
+"""Paths of spatial tendons: the sites and surfaces of their segments.
 
-A segment goes from one site to the next, straight or over one surface. Everything here is static.
+A segment leads from one site to the next, straight or over one surface. Everything here is static.
 """
 
 import dataclasses
@@ -18,16 +18,16 @@ _JOINT, _PULLEY, _SITE, SPHERE, CYLINDER = (
 
 @dataclasses.dataclass(frozen=True)
 class Segments:
-    """Segments that are alike.
+    """Segments with the same type of surface, either all with or all without a side site.
 
     Attributes:
-      surface: type of the surface, `mujoco.mjtWrap`; that of a site for straight segments.
-      tendon: (n,) the tendon of each.
-      first: (n,) the site where it begins.
-      last: (n,) the site where it ends.
-      geom: (n,) the surface; -1 for straight segments.
-      side: (n,) the side site; all are -1 or none is.
-      pulley: (n,) the pulley before it, an index into `wrap_prm`; -1 without.
+      surface: `mujoco.mjtWrap` of the surface; mjWRAP_SITE for straight segments.
+      tendon: (n,) tendon of each segment.
+      first: (n,) site where it begins.
+      last: (n,) site where it ends.
+      geom: (n,) geom of the surface; -1 for straight segments.
+      side: (n,) side site; -1 for none.
+      pulley: (n,) last pulley before the segment, an index into `wrap_prm`; -1 for none.
     """
 
     surface: int
@@ -40,14 +40,14 @@ class Segments:
 
 
 def spatial_tendons(model: Model) -> np.ndarray:
-    """Which tendons run through sites."""
+    """(n,) ids of the spatial tendons."""
     if not model.ntendon:
         return np.zeros(0, int)
     return np.nonzero(model.wrap_type[model.tendon_adr] != _JOINT)[0]
 
 
 def segments(model: Model) -> tuple[Segments, ...]:
-    """The segments of all spatial tendons, those that are alike together."""
+    """The segments of all spatial tendons, grouped by type of surface and use of a side site."""
     rows: dict[tuple[int, bool], list[tuple[int, ...]]] = {}
     for tendon in spatial_tendons(model):
         for surface, row in _along(model, int(tendon)):
@@ -56,7 +56,7 @@ def segments(model: Model) -> tuple[Segments, ...]:
 
 
 def _along(model: Model, tendon: int):
-    """The surface and the other fields of each segment of one tendon."""
+    """Yield the surface and the other fields of each segment of one tendon."""
     start = int(model.tendon_adr[tendon])
     pulley = first = geom = side = -1
     for i in range(start, start + int(model.tendon_num[tendon])):

@@ -1,7 +1,7 @@
-"""Transmissions: lengths of actuators, and the joint forces that a force along them makes.
+"""Transmissions: lengths of actuators and their moments, the derivatives of the lengths.
 
-Most actuators drive a joint with one degree of freedom. Those keep only their gear; the others
-have a dense row of the moment matrix.
+Most actuators drive a joint with one degree of freedom. For these the gear is stored, for the
+others a dense row of the moment matrix.
 """
 
 import jax.numpy as jnp
@@ -30,9 +30,10 @@ class Transmission:
     """Lengths of the actuators and their derivatives.
 
     Attributes:
-      length: of each actuator; zero where no length makes sense (free joints, lone sites).
-      gear: gears of the actuators in `scalar_actuators`.
-      rows: derivatives of the lengths of the others, as rows over the degrees of freedom.
+      length: length of each actuator; zero where none is defined (free joints, sites without a
+        reference site).
+      gear: gears of the actuators of scalar joints, see `scalar_actuators`.
+      rows: moments of the other actuators, rows over the degrees of freedom.
     """
 
     length: Float[Array, "nu"]
@@ -90,7 +91,7 @@ def actuator_moment(model: Model, t: Transmission) -> Float[Array, "nu nv"]:
 
 
 def scalar_actuators(model: Model) -> tuple[np.ndarray, np.ndarray]:
-    """Actuators of a joint with one degree of freedom, and all others; static."""
+    """Ids of the actuators of joints with one degree of freedom, and of all others; static."""
     scalar = np.isin(model.actuator_trntype, (JOINT, JOINTINPARENT))
     ndof = np.bincount(model.dof_jntid, minlength=model.njnt)
     scalar[scalar] = ndof[model.actuator_trnid[scalar, 0]] == 1
@@ -124,7 +125,7 @@ def _scalar(model: Model, qpos, ids: np.ndarray):
 
 
 def _tendons(model: Model, kin: Kinematics, ids: np.ndarray):
-    """Lengths and rows of actuators of tendons."""
+    """Lengths and moments of actuators of tendons."""
     gear, tendon = take(model.actuator_gear[:, 0], ids), model.actuator_trnid[ids, 0]
     if not len(ids):
         return gear, jnp.zeros((0, model.nv), gear.dtype)
@@ -133,7 +134,7 @@ def _tendons(model: Model, kin: Kinematics, ids: np.ndarray):
 
 
 def _one(model: Model, kin: Kinematics, qpos, i: int):
-    """Length and row of any other actuator."""
+    """Length and moment of one actuator of a site or of a joint with several degrees of freedom."""
     kind, gear = int(model.actuator_trntype[i]), model.actuator_gear[i]
     target, reference = (int(k) for k in model.actuator_trnid[i])
     if kind == SITE and reference < 0:
@@ -148,19 +149,19 @@ def _one(model: Model, kin: Kinematics, qpos, i: int):
 
 
 def _site_pair(model: Model, kin: Kinematics, gear, site: int, reference: int):
-    """Displacement and rotation of a site in the axes of another, weighted by the gear."""
+    """Length and moment of an actuator that moves a site relative to a reference site."""
     mat, moved = kin.site_xmat[reference], kin.site_xpos[site] - kin.site_xpos[reference]
     turned = quat_difference(_site_quat(model, kin, reference), _site_quat(model, kin, site))
     length = (moved @ mat) @ gear[:3] + turned @ gear[3:]
     rows = [_site_row(model, kin, gear, s, mat) for s in (site, reference)]
-    # What moves both sites together leaves the length as it is.
+    # Degrees of freedom that move both sites do not change the length.
     links = model.body_link[model.site_bodyid[[site, reference]]]
     both = (model.tree.moves[links[0]] & model.tree.moves[links[1]])[model.structure.dof_position]
     return length, jnp.where(both, 0, rows[0] - rows[1])
 
 
 def _site_row(model: Model, kin: Kinematics, gear, site: int, mat):
-    """(nv,) what a force `gear[:3]` and a torque `gear[3:]`, in the axes of `mat`, do at a site."""
+    """(nv,) generalised force of a force `gear[:3]` and torque `gear[3:]` in axes `mat`."""
     jacp, jacr = site_jacobian(model, kin, site)
     return (mat @ gear[:3]) @ jacp + (mat @ gear[3:]) @ jacr
 

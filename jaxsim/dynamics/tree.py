@@ -1,9 +1,9 @@
-"""The two walks over a tree: every recursion of the dynamics is one of them.
+"""The two recursions over a tree, from which all algorithms of the dynamics are built.
 
-`outward` goes from the roots to the leaves, `inward` from the leaves to the roots. Both take the
-recurrence of a single node, run it for all nodes of a level at once, and put long runs of equal
-levels into one `lax.scan`, so that program size does not grow with depth. Arrays over nodes or
-over degrees of freedom are in tree order.
+`outward` runs from the roots to the leaves, `inward` from the leaves to the roots. Both take the
+recurrence of a single node and evaluate it for all nodes of a level at once. Long runs of equal
+levels become one `lax.scan`, so that the size of the program does not grow with depth. Arrays over
+nodes or over degrees of freedom are in tree order.
 """
 
 from collections.abc import Callable
@@ -26,7 +26,7 @@ def outward(forest: Forest, f: Callable, root: Any, nodes: Any, dofs: Any = ()) 
       forest: the tree, static.
       f: recurrence of one node; `dofs_i` has a leading axis of the node's degrees of freedom, and
         so has its result `z_i`, which may be `()`.
-      root: what the roots see as their parent's `y`, stacked over the roots.
+      root: the value of `y_parent` for the roots, stacked over the roots.
       nodes: pytree of arrays over the nodes.
       dofs: pytree of arrays over the degrees of freedom.
 
@@ -55,7 +55,7 @@ def inward(forest: Forest, f: Callable, zero: Any, nodes: Any, dofs: Any = ()) -
     Args:
       forest: the tree, static.
       f: recurrence of one node; `dofs_i` and `z_i` as in `outward`.
-      zero: the sum that a leaf sees, for one node.
+      zero: the sum over no children, for one node.
       nodes: pytree of arrays over the nodes.
       dofs: pytree of arrays over the degrees of freedom.
 
@@ -99,7 +99,7 @@ def accumulate_inward(forest: Forest, x: Any) -> Any:
 
 
 def _sums_at_once(forest: Forest) -> bool:
-    """Whether all sums of a walk are better one product with a matrix than a sum for each level."""
+    """Whether all running sums are faster as one product with a matrix than level by level."""
     return 0 < len(forest) <= tuning.PRODUCT_NODES and len(forest.levels) > 2
 
 
@@ -121,14 +121,17 @@ def _level(level: Level, f, parents, nodes, dofs):
 
 
 def _walk(forest: Forest, run: Run, recur, onward, carry, nodes, dofs, reverse: bool):
-    """One level directly; several by a scan whose outputs are joined again."""
+    """Evaluate one run: a single level directly, several levels by a scan.
+
+    `recur` evaluates a level, and `onward` maps its result to the carry of the next level.
+    """
     first, last = forest.levels[run.start], forest.levels[run.stop - 1]
     count, size, ndof = run.stop - run.start, first.size, first.ndof
     nodes = jax.tree.map(lambda a: a[first.nodes.start : last.nodes.stop], nodes)
     dofs = jax.tree.map(lambda a: a[first.dofs.start : last.dofs.stop], dofs)
     if count == 1:
         y, z = recur(carry, nodes, dofs)
-        y = jax.tree.map(_computed_once, y)
+        y = jax.tree.map(_fusion_barrier, y)
         return onward(y), y, z
 
     def one(carry, x):
@@ -140,16 +143,16 @@ def _walk(forest: Forest, run: Run, recur, onward, carry, nodes, dofs, reverse: 
     return carry, _join(ys, size), _join(zs, ndof)
 
 
-def _computed_once(y):
-    """A level's vectors, which the compiler would compute again for each use, with those before.
+def _fusion_barrier(y):
+    """Stop XLA from recomputing the vectors of a level, and those before it, for each use.
 
-    Matrices it does not, as they come from products.
+    Matrices need no barrier: they come from products, which XLA does not recompute.
     """
     return lax.optimization_barrier(y) if y.ndim <= 2 else y
 
 
-# A level of one row is scanned without the axis of length one: XLA would copy the whole array
-# in front of the loop and after it, only to move that axis.
+# Levels of one row are scanned without the axis of length one. With it, XLA would copy the whole
+# array before and after the loop.
 def _split(tree, levels: int, size: int):
     return jax.tree.map(lambda a: a if size == 1 else a.reshape(levels, size, *a.shape[1:]), tree)
 
@@ -181,7 +184,7 @@ def _stack_zero(zero, n: int):
 
 
 def _empty(forest: Forest, f, parents, nodes, dofs):
-    """Shapes of a walk over no nodes at all."""
+    """The empty result of a recursion over a forest without nodes."""
     block = jax.tree.map(lambda a: a.reshape(0, 1, *a.shape[1:]), dofs)
     y, z = jax.vmap(f, axis_size=0)(parents, nodes, block)
     return y, jax.tree.map(lambda a: a.reshape(0, *a.shape[2:]), z)

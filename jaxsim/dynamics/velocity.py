@@ -1,4 +1,4 @@
-"""Velocities of the links, and what they add to the accelerations."""
+"""Velocities of the links, and their velocity-dependent accelerations."""
 
 import jax
 import jax.numpy as jnp
@@ -21,8 +21,8 @@ class Velocities:
 
     Attributes:
       cvel: twist of each link.
-      bias: acceleration of each link that is there without `qacc` and gravity: the sum from the
-        root outward of `d(cdof)/dt qvel`.
+      bias: acceleration of each link for zero `qacc` and gravity: the running sum of
+        `d(cdof)/dt qvel` from the root outward.
     """
 
     cvel: Float[Array, "njnt 6"]
@@ -30,10 +30,10 @@ class Velocities:
 
 
 def velocities(model: Model, kin: Kinematics, qvel: Float[Array, "nv"]) -> Velocities:
-    """Link twists: sums of `cdof * qvel` from the roots outward.
+    """Twists of the links, running sums of `cdof * qvel` from the roots outward, and their bias.
 
-    The rate of an axis that turns with its link is `cvel x cdof`. The others, such as the
-    translations of a free joint, keep their directions in the world.
+    The rate of a motion axis that turns with its link is `cvel x cdof`. The rate of the others,
+    such as the translations of a free joint, is zero.
     """
     tree = model.tree
     each = kin.cdof * to_tree_order(model, qvel)[:, None]
@@ -51,16 +51,16 @@ def body_twists(
     link_twist: Float[Array, "njnt 6"],
     point: Float[Array, "nbody 3"],
 ) -> Float[Array, "nbody 6"]:
-    """Twists of all bodies about given world points, from the twists of the links.
+    """Twists of all bodies about given points, from the twists of the links.
 
     Args:
       model: the model.
       kin: its kinematics.
-      link_twist: velocities or accelerations of the links about the tree's reference point.
-      point: for each body the point to refer to, for instance `kin.xipos` (m).
+      link_twist: twists or spatial accelerations of the links about the tree's reference point.
+      point: reference point for each body, world coordinates, for instance `kin.xipos` (m).
 
     Returns:
-      `(omega, v)` per body, world axes, zero for bodies that no joint moves.
+      `(omega, v)` of each body in world axes; zero for bodies that no joint moves.
     """
     link = model.body_link
     (moving,) = np.nonzero(link >= 0)

@@ -1,9 +1,9 @@
-"""Tendons around spheres and cylinders, and through rings on their surfaces.
+"""Tendons that wrap around spheres and cylinders or pass through them.
 
-On both surfaces the shortest path between two points lies over a path in the plane: for a sphere in
-the plane of the two points and the centre, for a cylinder in the plane across its axis, while the
-path moves along the axis at a constant slope. MuJoCo's rules for sites near the centre, for side
-sites, and for those inside the surface are kept.
+Both problems reduce to a path around a circle in a plane. For a sphere it is the plane through both
+points and the centre. For a cylinder it is the plane across its axis, and the path advances along
+the axis at a constant slope. Sites near the centre, side sites, and side sites inside the surface
+follow MuJoCo's rules.
 """
 
 from typing import NamedTuple
@@ -18,13 +18,13 @@ from jaxsim.dynamics.circle import Arc, around, through
 
 
 class Wrap(NamedTuple):
-    """The part of a tendon on a surface; without meaning where the tendon passes by.
+    """The part of a tendon on a surface.
 
     Attributes:
-      touches: whether the tendon touches the surface.
-      start: where it comes to the surface (m).
-      stop: where it leaves it (m).
-      length: of the path between them (m).
+      touches: whether the tendon touches the surface; if not, the other fields have no meaning.
+      start: point where it meets the surface (m).
+      stop: point where it leaves the surface (m).
+      length: length of the path between them (m).
     """
 
     touches: Bool[Array, ""]
@@ -41,22 +41,22 @@ def wrap_sphere(
     radius: Float[Array, ""],
     side: Float[Array, "3"] | None = None,
 ) -> Wrap:
-    """How a tendon from x0 to x1 passes a sphere.
+    """Wrap a tendon segment from x0 to x1 around a sphere, or pass it through the sphere.
 
     Args:
-      x0: where the segment begins, world coordinates (m).
-      x1: where it ends.
-      pos: centre of the sphere.
-      mat: its orientation.
-      radius: its radius (m).
-      side: the side site; inside the sphere it makes the tendon pass through.
+      x0: first point of the segment, world coordinates (m).
+      x1: last point of the segment (m).
+      pos: centre of the sphere (m).
+      mat: orientation of the sphere.
+      radius: radius of the sphere (m).
+      side: position of the side site (m); inside the sphere, it makes the tendon pass through.
     """
     p0, p1 = (x0 - pos) @ mat, (x1 - pos) @ mat
     apart = (p0 @ p0 >= MINVAL**2) & (p1 @ p1 >= MINVAL**2)
     p0 = jnp.where(apart, p0, np.eye(3, dtype=p0.dtype)[0])
     p1 = jnp.where(apart, p1, np.eye(3, dtype=p0.dtype)[1])
     axes = _plane(p0, p1)
-    arc = _arc(axes @ p0, axes @ p1, radius, _seen(pos, mat, side), axes)
+    arc = _arc(axes @ p0, axes @ p1, radius, _in_frame(pos, mat, side), axes)
     start, stop = (pos + mat @ (q @ axes) for q in (arc.start, arc.stop))
     return Wrap(arc.touches & apart, start, stop, arc.length)
 
@@ -69,11 +69,11 @@ def wrap_cylinder(
     radius: Float[Array, ""],
     side: Float[Array, "3"] | None = None,
 ) -> Wrap:
-    """How a tendon from x0 to x1 passes a cylinder without ends; arguments as `wrap_sphere`."""
+    """Wrap a tendon segment around an infinite cylinder; arguments as for `wrap_sphere`."""
     p0, p1 = (x0 - pos) @ mat, (x1 - pos) @ mat
     apart = (p0 @ p0 >= MINVAL**2) & (p1 @ p1 >= MINVAL**2)
     flat = np.eye(3, dtype=p0.dtype)[:2]
-    arc = _arc(p0[:2], p1[:2], radius, _seen(pos, mat, side), flat)
+    arc = _arc(p0[:2], p1[:2], radius, _in_frame(pos, mat, side), flat)
     before, after = safe_norm(p0[:2] - arc.start), safe_norm(p1[:2] - arc.stop)
     total = before + arc.length + after
     slope = (p1[2] - p0[2]) / jnp.where(total > 0, total, 1.0)
@@ -83,13 +83,13 @@ def wrap_cylinder(
     return Wrap(arc.touches & apart, pos + mat @ start, pos + mat @ stop, length)
 
 
-def _seen(pos, mat, side):
+def _in_frame(pos, mat, side):
     """The side site, if there is one, in the frame of the surface."""
     return None if side is None else (side - pos) @ mat
 
 
 def _arc(p0, p1, radius, side, axes) -> Arc:
-    """The path in the plane; the side site is given in space."""
+    """The path in the plane spanned by `axes`; `side` is a point in space."""
     if side is None:
         return around(p0, p1, radius, None)
     direction = axes @ side
@@ -102,7 +102,7 @@ def _arc(p0, p1, radius, side, axes) -> Arc:
 def _plane(p0, p1) -> Float[Array, "2 3"]:
     """Two perpendicular directions in the plane of both points and the origin, the first to p0.
 
-    If they are on one line, any plane does; MuJoCo's has no part of the largest component.
+    If they are on one line, the plane is chosen as in MuJoCo, by the largest component of p0.
     """
     first = p0 / norm_and_divisor(p0)[1]
     normal = jnp.cross(p0, p1)

@@ -1,1 +1,1 @@
-"""What pushes: actuators, springs, dampers, fluid, gravity compensation, applied wrenches."""
+"""Forces: actuators, springs, dampers, fluid, gravity compensation and applied wrenches."""

@@ -18,7 +18,7 @@ _MUSCLE = int(mujoco.mjtDyn.mjDYN_MUSCLE)
 
 
 def stateful_actuators(model: Model) -> np.ndarray:
-    """(na,) the actuator of each activation; static."""
+    """(na,) actuator of each activation; static."""
     (ids,) = np.nonzero(model.actuator_actadr >= 0)
     return ids[np.argsort(model.actuator_actadr[ids])]
 
@@ -28,8 +28,8 @@ def activation_rate(
 ) -> Float[Array, "na"]:
     """Rates of the activations.
 
-    Integrators: the control. Filters: `(ctrl - act) / tau`. Muscles: the same with a time
-    constant that depends on both.
+    They are `ctrl` for integrators, `(ctrl - act) / tau` for filters, and for muscles the same
+    with a time constant that depends on `ctrl` and `act`.
 
     Args:
       model: the model.
@@ -61,13 +61,13 @@ def next_activation(
 ) -> Float[Array, "na"]:
     """Activations after a time step, within `actrange`.
 
-    A Euler step, except for exact filters, which go `tau (1 - exp(-dt / tau))` far.
+    This is an Euler step. For exact filters its length is `tau (1 - exp(-dt / tau))` instead of dt.
 
     Args:
       model: the model.
       act: activations.
       act_dot: their rates.
-      dt: time (s).
+      dt: length of the time step (s).
     """
     ids = stateful_actuators(model)
     if not len(ids):

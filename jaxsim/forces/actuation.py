@@ -32,12 +32,12 @@ _ACTUATION = mujoco.mjtDisableBit.mjDSBL_ACTUATION
 
 @struct.dataclass
 class Actuation:
-    """What the actuators do at one instant; names are MuJoCo's.
+    """State of the actuators at one instant; names are MuJoCo's.
 
     Attributes:
       transmission: lengths and moments.
       actuator_velocity: rates of the lengths.
-      actuator_input: clamped control, or activation, of each actuator.
+      actuator_input: activation of each actuator with dynamics, clamped control of the others.
       actuator_force: forces along the actuators.
       qfrc_actuator: generalised forces.
       act_dot: rates of the activations.
@@ -65,7 +65,7 @@ def actuation(
     ctrl: Float[Array, "nu"] | None,
     qfrc_gravcomp: Float[Array, "nv"],
 ) -> Actuation:
-    """Forces of all actuators and rates of their activations; all zero if they are switched off.
+    """Forces of all actuators and rates of their activations; zero if actuation is disabled.
 
     Args:
       model: the model.
@@ -74,7 +74,7 @@ def actuation(
       qvel: velocities.
       act: activations.
       ctrl: controls; None for zero.
-      qfrc_gravcomp: gravity compensation, of which actuators exert what the joints ask them to.
+      qfrc_gravcomp: gravity compensation; actuators exert it on joints with `actgravcomp`.
     """
     t = transmission(model, kin, qpos)
     zeros = jnp.zeros_like(t.length)
@@ -97,21 +97,21 @@ def actuation(
 
 
 def clamp_ctrl(model: Model, ctrl: Float[Array, "nu"]) -> Float[Array, "nu"]:
-    """Controls within their ranges, where the model limits them."""
+    """Controls clamped to the ranges of actuators with limited control."""
     if model.opt.disabled(_CLAMPCTRL):
         return ctrl
     return _clip(ctrl, model.actuator_ctrlrange, model.actuator_ctrllimited)
 
 
 def disabled_actuators(model: Model) -> np.ndarray:
-    """(nu,) whether the group of each actuator is switched off; static."""
+    """(nu,) whether each actuator belongs to a disabled group; static."""
     group = np.asarray(model.actuator_group)
     known = (group >= 0) & (group <= 30)
     return known & (((model.opt.disableactuator >> np.where(known, group, 0)) & 1) == 1)
 
 
 def _inputs(model: Model, act, act_dot, ctrl) -> Float[Array, "nu"]:
-    """What the gain multiplies: the activation of an actuator that has one, else its control."""
+    """Factor of each gain: the activation of an actuator that has one, else its control."""
     ids = stateful_actuators(model)
     if not len(ids):
         return ctrl
@@ -136,7 +136,7 @@ def _forces(model: Model, length, velocity, control) -> Float[Array, "nu"]:
 def gains(
     model: Model, length: Float[Array, "nu"], velocity: Float[Array, "nu"]
 ) -> Float[Array, "nu"]:
-    """Force per unit of input."""
+    """(nu,) force for a unit of input, without the bias."""
     kinds = {
         int(mujoco.mjtGain.mjGAIN_FIXED): lambda prm, *_: prm[0],
         int(mujoco.mjtGain.mjGAIN_AFFINE): lambda prm, x, v, *_: _affine(prm, x, v),
@@ -183,7 +183,7 @@ def _affine(prm, length, velocity):
 
 
 def _limit_tendons(model: Model, force) -> Float[Array, "nu"]:
-    """Scale the forces of all actuators of a tendon so that their sum is within its range."""
+    """Scale the forces of actuators of limited tendons so that each tendon's sum is in range."""
     (on_tendon,) = np.nonzero(model.actuator_trntype == TENDON)
     tendon = model.actuator_trnid[on_tendon, 0]
     limited = np.asarray(model.tendon_actfrclimited, bool)[tendon]
@@ -193,7 +193,7 @@ def _limit_tendons(model: Model, force) -> Float[Array, "nu"]:
     total = take(sum_by(take(force, ids), tendon, model.ntendon), tendon)
     low, high = take(model.tendon_actfrcrange, tendon).T
     outside = (total < low) | (total > high)
-    # A total of zero has no share to scale.
+    # A total of zero cannot be scaled.
     outside = outside & (total != 0)
     ratio = jnp.clip(total, low, high) / jnp.where(outside, total, 1.0)
     scaled = take(force, ids) * jnp.where(outside, ratio, 1.0)
@@ -201,7 +201,7 @@ def _limit_tendons(model: Model, force) -> Float[Array, "nu"]:
 
 
 def _joint_forces(model: Model, t: Transmission, force, gravcomp) -> Float[Array, "nv"]:
-    """Forces on the joints, with their share of gravity compensation, within the joints' limits."""
+    """Generalised forces with gravity compensation by actuators, clamped to the joints' limits."""
     qfrc = force_on_joints(model, t, force)
     exerted = np.asarray(model.jnt_actgravcomp, bool)[model.dof_jntid]
     if exerted.any():
@@ -215,7 +215,7 @@ def _joint_forces(model: Model, t: Transmission, force, gravcomp) -> Float[Array
 
 
 def _clip(x, interval, limited):
-    """Clip where a static mask says so."""
+    """Clip x to the interval where the static mask `limited` is true."""
     limited = np.asarray(limited, bool)
     if not limited.any():
         return x

@@ -1,4 +1,4 @@
-"""Dampers of joints and tendons, and how their forces change with velocity."""
+"""Forces of dampers of joints and tendons, and their derivatives with respect to velocity."""
 
 import jax.numpy as jnp
 import mujoco
@@ -18,7 +18,7 @@ _DAMPER = mujoco.mjtDisableBit.mjDSBL_DAMPER
 
 
 def qfrc_damper(model: Model, kin: Kinematics, qvel: Float[Array, "nv"]) -> Float[Array, "nv"]:
-    """Forces `-k(|v|) v` of all dampers, those of actuators included."""
+    """Generalised forces `-k(|v|) v` of all dampers, with the damping of actuators."""
     if model.opt.disabled(_DAMPER):
         return jnp.zeros_like(qvel)
     force = damping_force(*dof_damping(model), qvel)
@@ -29,7 +29,7 @@ def qfrc_damper(model: Model, kin: Kinematics, qvel: Float[Array, "nv"]) -> Floa
 
 
 def dof_damping_slope(model: Model, qvel: Float[Array, "nv"]) -> Float[Array, "nv"]:
-    """Diagonal of `-d force / d qvel` of the joints' dampers, zero if they are switched off."""
+    """Diagonal of `-d force / d qvel` of the joints' dampers; zero if dampers are disabled."""
     if model.opt.disabled(_DAMPER):
         return jnp.zeros_like(qvel)
     return damping_slope(*dof_damping(model), qvel)
@@ -37,21 +37,21 @@ def dof_damping_slope(model: Model, qvel: Float[Array, "nv"]) -> Float[Array, "n
 
 @fact(*_DOF_DAMPING)
 def damps_dofs(model: Model, *numbers: np.ndarray) -> bool | None:
-    """Whether some joint has damping, its actuators' included; None if that is not known."""
+    """Whether a joint, or an actuator, has damping; None if the numbers are traced."""
     return any(x.any() for x in numbers)
 
 
 def tendon_damping_slope(
     model: Model, kin: Kinematics, qvel: Float[Array, "nv"]
 ) -> Float[Array, "ntendon"]:
-    """The tendons' dampers: b of `-d force / d qvel = J^T diag(b) J`."""
+    """The b in `-d force / d qvel = J^T diag(b) J` for tendon dampers; J is their Jacobian."""
     if model.opt.disabled(_DAMPER):
         return jnp.zeros_like(model.tendon_damping)
     return damping_slope(*tendon_damping(model), tendon_velocity(model, kin, qvel))
 
 
 def has_tendon_damping(model: Model) -> bool:
-    """Whether some tendon, or an actuator of one, may have damping."""
+    """Whether a tendon, or an actuator of a tendon, may have damping."""
     of_tendons = model.nonzero_rows("tendon_damping") + model.nonzero_rows("tendon_dampingpoly")
     motors = model.nonzero_rows("actuator_damping") + model.nonzero_rows("actuator_dampingpoly")
     return bool(of_tendons) or bool(np.any(model.actuator_trntype[motors,] == TENDON))

@@ -1,7 +1,7 @@
-"""How smooth forces change with velocity: what the implicit integrators need.
+"""Derivatives of smooth forces with respect to velocity, for the implicit integrators.
 
-The conventions of MuJoCo's `mjd_smooth_vel`: actuators that are at the limit of their force count
-as constant, and limits of joints and tendons on actuator forces are left out.
+As in MuJoCo's `mjd_smooth_vel`, the force of an actuator at its limit is taken as constant, and
+limits of joints and tendons on actuator forces are ignored.
 """
 
 import jax
@@ -28,12 +28,12 @@ _AFFINE_BIAS = int(mujoco.mjtBias.mjBIAS_AFFINE)
 
 @struct.dataclass
 class Damping:
-    """`-d force / d qvel` of passive and actuator forces, as `diag(d) + sum_links J^T K J + D`.
+    """`-d force / d qvel` of passive and actuator forces, `diag(d) + sum_links J^T K J + D`.
 
     Attributes:
-      diagonal: d, of joint dampers and of actuators of hinges and slides.
-      link_matrix: K of each link by drag, tree order; None without drag.
-      dense: D of everything else; None without.
+      diagonal: d, from joint dampers and actuators of hinges and slides.
+      link_matrix: K of each link, from drag, tree order; None without drag.
+      dense: D, from other actuators and tendons; None without any.
     """
 
     diagonal: Float[Array, "nv"]
@@ -44,14 +44,14 @@ class Damping:
 def smooth_damping(
     model: Model, kin: Kinematics, vel: Velocities, qvel: Float[Array, "nv"], actuation: Actuation
 ) -> Damping:
-    """Derivative of passive and actuator forces with respect to velocity, negative, symmetric.
+    """Minus the derivative of passive and actuator forces with respect to velocity; symmetric.
 
     Args:
       model: the model.
       kin: its kinematics.
       vel: its link velocities.
       qvel: velocities.
-      actuation: what the actuators do at this instant.
+      actuation: state of the actuators.
     """
     slope = _actuator_slope(model, actuation)
     diagonal = dof_damping_slope(model, qvel)
@@ -68,7 +68,7 @@ def smooth_damping(
         dense = along if dense is None else dense + along
     drag = link_drag(model, kin, vel) if has_fluid(model) else None
     if dense is not None:
-        # Like MuJoCo, which stores no entries for joints on different branches of the tree.
+        # As in MuJoCo, entries for joints on different branches of the tree are dropped.
         moves = model.tree.moves[model.tree.dof_node][:, model.structure.dof_position]
         related = moves[model.structure.dof_position]
         dense = jnp.where(related | related.T, dense, 0)
@@ -94,7 +94,7 @@ def damping_matrix(model: Model, kin: Kinematics, damping: Damping) -> Float[Arr
 def bias_derivative(
     model: Model, kin: Kinematics, qvel: Float[Array, "nv"]
 ) -> Float[Array, "nv nv"]:
-    """`d qfrc_bias / d qvel`, Coriolis and centrifugal forces; not symmetric."""
+    """`d qfrc_bias / d qvel`, from Coriolis and centrifugal forces; not symmetric."""
     return jax.jacfwd(lambda v: qfrc_bias(model, kin, velocities(model, kin, v)))(qvel)
 
 
@@ -114,7 +114,7 @@ def _depends_on_velocity(model: Model) -> np.ndarray:
 
 
 def _actuator_slope(model: Model, actuation: Actuation) -> Float[Array, "nu"] | None:
-    """Derivative of actuator forces by their velocities; None if no actuator has any."""
+    """Derivatives of actuator forces with respect to their velocities; None if all are zero."""
     depends = _depends_on_velocity(model)
     if model.opt.disabled(_ACTUATION) or not depends.any():
         return None

@@ -1,6 +1,6 @@
-"""Wrenches from outside on each body: applied by the user, by contacts and by equalities.
+"""External wrenches on each body: applied by the user, by contacts and by equalities.
 
-All are (torque, force) in world axes with the torque about the body's centre of mass `xipos`.
+They are (torque, force) in world axes, with the torque about the body's centre of mass `xipos`.
 """
 
 from typing import Protocol
@@ -22,7 +22,7 @@ _SITE = int(mujoco.mjtObj.mjOBJ_SITE)
 
 
 class ContactGeometry(Protocol):
-    """Where contacts are: the part of `jaxsim.collision.Contact` that wrenches need."""
+    """The fields of `jaxsim.collision.Contact` that are read here."""
 
     pos: Float[Array, "nc 3"]
     frame: Float[Array, "nc 3 3"]
@@ -38,17 +38,21 @@ def external_wrench(
     contact_force: Float[Array, "nc 6"] | None = None,
     eq_force: Float[Array, "neq 6"] | None = None,
 ) -> Float[Array, "nbody 6"]:
-    """Sum of what acts on each body from outside its tree of joints.
+    """Sum of the external wrenches on each body.
 
     Args:
       model: the model.
       kin: its kinematics.
-      xfrc_applied: (force, torque) applied by the user, in MuJoCo's order.
+      xfrc_applied: (force, torque) applied by the user, in this order as in MuJoCo.
       contact: the contacts.
       contact_force: (force, torque) of each contact on geom2 in the contact's frame, as
         `mj_contactForce` returns it; zero for a contact without force.
-      eq_force: multipliers of connect and weld equalities in the order of MuJoCo's rows: three of
-        translation, then three of rotation, which a connect lacks; zero for all others.
+      eq_force: multipliers of connect and weld equalities, three of translation, then three of
+        rotation, in the order of MuJoCo's rows. Zero where there is none: for the rotation of a
+        connect, and for other equalities.
+
+    Returns:
+      (torque, force) on each body.
     """
     total = jnp.concatenate([xfrc_applied[:, 3:], xfrc_applied[:, :3]], axis=1)
     if contact is not None and contact_force is not None:
@@ -86,9 +90,9 @@ def equality_wrench(
 ) -> Float[Array, "nbody 6"]:
     """Wrenches of connect and weld equalities: `+F` on the first body, `-F` on the second.
 
-    The rotational rows of a weld are not a torque. With the orientations `q1` (welded pose
-    included) and `q2` of both sides they are `s Im(q2* q1)`, so multipliers `f` are the torque
-    `s Im(q2 f q1*) / 2`.
+    The residual of a weld's rotational rows is `s Im(q2* q1)`, with the orientations q1 (of the
+    first body times the relative pose) and q2 of both sides, and the scale s. So multipliers f of
+    these rows give the torque `s Im(q2 f q1*) / 2`.
 
     Args:
       model: the model.
@@ -100,7 +104,8 @@ def equality_wrench(
         return jnp.zeros((model.nbody, 6), kin.xipos.dtype)
     data, force = take(model.eq_data, rows), take(force, rows)
     is_weld = jnp.asarray(model.eq_type[rows] == _WELD)[:, None]
-    # A weld's data has the anchor on the second body first, a connect's that on the first.
+    # In `eq_data`, the first anchor of a weld is on the second body, that of a connect on the
+    # first.
     anchor1 = jnp.where(is_weld, data[:, 3:6], data[:, :3])
     anchor2 = jnp.where(is_weld, data[:, :3], data[:, 3:6])
     body1, pos1, quat1 = _end(model, kin, rows, model.eq_obj1id, anchor1)
@@ -136,6 +141,6 @@ def _weld_torque(quat1, quat2, f):
 
 
 def _at_bodies(model: Model, kin: Kinematics, body, pos, wrench):
-    """Sums over bodies of wrenches at world points, moved to the bodies' centres of mass."""
+    """(nbody, 6) sums of wrenches at points `pos` on bodies, about the bodies' centres of mass."""
     moved = jax.vmap(wrench_from)(wrench, pos - gather(kin.xipos, body))
     return sum_by(moved, body, model.nbody)

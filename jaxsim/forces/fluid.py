@@ -1,8 +1,8 @@
 """Drag of a surrounding medium on bodies, by MuJoCo's inertia-box model.
 
-Each body is replaced by the box that has its mass and inertia. Drag depends on the velocity of
-the body relative to the wind in the axes of the box, each axis by itself. MuJoCo documentation,
-chapter Computation, section "Inertia-based model".
+Each body is replaced by the box with its mass and inertia. Drag acts along each axis of the box
+separately and depends on the velocity relative to the wind. MuJoCo documentation, chapter
+Computation, section "Inertia-based model".
 """
 
 import math
@@ -29,7 +29,7 @@ def qfrc_fluid(model: Model, kin: Kinematics, vel: Velocities) -> Float[Array, "
     """Generalised forces of drag on all bodies.
 
     Raises:
-      ModelError: a geom asks for the ellipsoid model, and a medium was put into the model later.
+      ModelError: a geom uses the ellipsoid model, and a medium was added after loading.
     """
     if not has_fluid(model):
         return jnp.zeros_like(model.dof_damping)
@@ -45,9 +45,9 @@ def qfrc_fluid(model: Model, kin: Kinematics, vel: Velocities) -> Float[Array, "
 
 
 def link_drag(model: Model, kin: Kinematics, vel: Velocities) -> Float[Array, "njnt 6 6"]:
-    """Derivative of drag by velocity: K with `d wrench = -K d twist` for each link.
+    """Derivative of drag with respect to velocity: K with `d wrench = -K d twist` for each link.
 
-    Symmetric and positive semidefinite; twists and wrenches about the tree's reference point.
+    K is symmetric and positive semidefinite, about the tree's reference point.
     """
     viscous, quadratic = _coefficients(model)
     slope = viscous + 2 * quadratic * magnitude(_relative_twists(model, kin, vel))
@@ -56,7 +56,7 @@ def link_drag(model: Model, kin: Kinematics, vel: Velocities) -> Float[Array, "n
     arm = take(kin.xipos, moving) - take(take(kin.origin, model.tree.root), link)
 
     def one(mat, arm, slope):
-        # Rows are unit twists about the centre of mass along the box's axes: J maps twists to them.
+        # J maps a twist about the reference point to one about the centre of mass in box axes.
         moment = jnp.stack([jnp.cross(arm, mat[:, k]) for k in range(3)])
         angular = jnp.concatenate([mat.T, jnp.zeros((3, 3), mat.dtype)], axis=1)
         J = jnp.concatenate([angular, jnp.concatenate([moment, mat.T], axis=1)])
@@ -67,7 +67,7 @@ def link_drag(model: Model, kin: Kinematics, vel: Velocities) -> Float[Array, "n
 
 
 def has_fluid(model: Model) -> bool:
-    """Whether there is drag at all; it counts as a passive force, which two flags switch off."""
+    """Whether the model may have drag; disabling springs and dampers disables it, too."""
     off = model.opt.disabled(_SPRING) and model.opt.disabled(_DAMPER)
     medium = model.nonzero_rows("opt.density") or model.nonzero_rows("opt.viscosity")
     return bool(medium) and not off
@@ -82,7 +82,7 @@ def _check_ellipsoids(model: Model) -> None:
 
 
 def _relative_twists(model: Model, kin: Kinematics, vel: Velocities) -> Float[Array, "nbody 6"]:
-    """Twists of the bodies relative to the wind, about the centres of mass, in the boxes' axes."""
+    """Twists of bodies relative to the wind, about the centres of mass and in the box axes."""
 
     def one(mat, twist):
         return jnp.concatenate([twist[:3] @ mat, (twist[3:] - model.opt.wind) @ mat])
@@ -91,7 +91,7 @@ def _relative_twists(model: Model, kin: Kinematics, vel: Velocities) -> Float[Ar
 
 
 def _coefficients(model: Model) -> tuple[Float[Array, "nbody 6"], Float[Array, "nbody 6"]]:
-    """Coefficients b and c of `-(b + c |v|) v` along each of the six axes of the bodies' boxes."""
+    """Coefficients b and c of the drag `-(b + c |v|) v`, for each body and component of twist."""
     viscosity, density = model.opt.viscosity, model.opt.density
 
     def one(mass, inertia):

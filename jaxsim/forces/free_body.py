@@ -1,4 +1,7 @@
-"""Free bodies that carry nothing: equations of their own, gyroscopic forces included."""
+"""Implicit acceleration of single free bodies, with the derivative of gyroscopic forces.
+
+As in MuJoCo's integrator `implicitfast`, which ignores that derivative for all other joints.
+"""
 
 import jax
 import jax.numpy as jnp
@@ -22,15 +25,18 @@ def solve_free_bodies(
     force: Float[Array, "nv"],
     qacc: Float[Array, "nv"],
 ) -> Float[Array, "nv"]:
-    """Replace the accelerations of lone free bodies by `(M + h D + h dbias/dv)^-1 force`.
+    """Replace the accelerations of single free bodies by `(M + h D + h dbias/dv)^-1 force`.
 
     Args:
       model: the model.
       kin: its kinematics.
       qvel: velocities.
       damping: D.
-      force: right-hand side.
-      qacc: accelerations to return for all other joints.
+      force: right-hand side, generalised forces.
+      qacc: accelerations of all joints.
+
+    Returns:
+      Accelerations, those of all other joints unchanged.
     """
     links = _candidates(model)
     for kind in np.unique(model.tree.kind[links]):
@@ -38,14 +44,14 @@ def solve_free_bodies(
         solved = _solve(model, kin, JOINTS[int(kind)], some, qvel, damping, force)
         joints = model.tree.order[some]
         bodies, dofs = model.jnt_bodyid[joints], _dofs(JOINTS[int(kind)], model.jnt_dofadr[joints])
-        # Bodies may carry others that are welded to them; MuJoCo tells by the mass.
+        # A body that carries others is left out; as in MuJoCo, these are found by their mass.
         lone = take(model.body_subtreemass, bodies) == take(model.body_mass, bodies)
         qacc = qacc.at[dofs].set(jnp.where(lone[:, None], solved, qacc[dofs]))
     return qacc
 
 
 def _solve(model: Model, kin: Kinematics, joint: Joint, links: np.ndarray, qvel, damping, force):
-    """(len(links), nv) accelerations of links that have one type of joint."""
+    """(n, joint.nv) accelerations of n links with the same type of joint."""
     h = model.opt.timestep
     dofs = _dofs(joint, model.jnt_dofadr[model.tree.order[links]])
     extra = damping.dense
@@ -67,7 +73,7 @@ def _solve(model: Model, kin: Kinematics, joint: Joint, links: np.ndarray, qvel,
 
 
 def _bias(joint: Joint, inertia: Inertia, axes, qvel) -> Float[Array, "nv"]:
-    """Velocity-dependent forces; some of the axes turn with the link."""
+    """Velocity-dependent forces of one body; axes that turn with it have the rate `v x axis`."""
     (turns,) = np.nonzero(np.array(joint.turns))
     twist = qvel @ axes
     rate = cross_motion(twist, take(qvel, turns) @ take(axes, turns))
@@ -75,12 +81,12 @@ def _bias(joint: Joint, inertia: Inertia, axes, qvel) -> Float[Array, "nv"]:
 
 
 def _dofs(joint: Joint, start: np.ndarray) -> np.ndarray:
-    """(n, nv) degrees of freedom from the first ones."""
+    """(n, joint.nv) degrees of freedom of joints, from the first one of each."""
     return start[:, None] + np.arange(joint.nv)
 
 
 def _candidates(model: Model) -> np.ndarray:
-    """Links placed in the world that no other joint hangs on; static."""
+    """Links with a free joint and without child links; static."""
     tree = model.tree
     in_world = np.array([JOINTS[int(kind)].in_world for kind in tree.kind], bool)
     in_world[tree.parent[tree.parent >= 0]] = False

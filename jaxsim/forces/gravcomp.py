@@ -1,4 +1,4 @@
-"""Gravity compensation: forces that carry part of a body's weight."""
+"""Gravity compensation: forces that cancel part of a body's weight."""
 
 import jax.numpy as jnp
 import mujoco
@@ -15,8 +15,8 @@ _DAMPER = mujoco.mjtDisableBit.mjDSBL_DAMPER
 def qfrc_gravcomp(model: Model, kin: Kinematics) -> Float[Array, "nv"]:
     """Generalised forces of `-gravcomp * mass * gravity` at the bodies' centres of mass.
 
-    They are passive forces, or forces of the actuators where the joint says `actgravcomp`.
-    Switching off both springs and dampers switches off every passive force, these too.
+    They are passive forces, or actuator forces at joints with `actgravcomp`. Disabling both springs
+    and dampers disables all passive forces, and these, too.
     """
     off = model.opt.disabled(_SPRING) and model.opt.disabled(_DAMPER)
     if off or not model.nonzero_rows("body_gravcomp"):

@@ -1,9 +1,9 @@
 """Muscles: activation that follows the control, and force that depends on length and velocity.
 
 MuJoCo documentation, chapter Modeling, section "Muscles". Curves are in normalised units: length
-1 is the optimal length L0, velocity 1 is the fastest shortening in L0 per second, force 1 the
-peak active force. All functions are for one muscle. They are continuously differentiable except
-where activation switches between rising and falling without smoothing.
+1 is the optimal length L0, velocity 1 is the fastest shortening in L0 per second, force 1 is the
+peak active force. All functions are for one muscle. They are continuously differentiable, except
+between rising and falling activation if the transition has width zero.
 """
 
 import jax.numpy as jnp
@@ -20,8 +20,8 @@ def muscle_activation_rate(
     Args:
       ctrl: excitation, clamped to [0, 1].
       act: activation.
-      prm: time constants of activation and deactivation (s) and the width over which the
-        time constant changes from one to the other; zero for a switch.
+      prm: time constants of activation and deactivation (s), and the width of the transition
+        between them; zero for a discontinuous transition.
     """
     scale = 0.5 + 1.5 * jnp.clip(act, 0, 1)
     rising, falling, width = prm[0] * scale, prm[1] / scale, prm[2]
@@ -44,8 +44,8 @@ def muscle_gain(
     Args:
       length: length of the actuator.
       velocity: its rate.
-      lengthrange: its feasible lengths.
-      acc0: acceleration from unit force in the reference configuration.
+      lengthrange: smallest and largest feasible length.
+      acc0: acceleration from a unit force in the reference configuration.
       prm: range (2 numbers), force, scale, lmin, lmax, vmax, fpmax, fvmax.
     """
     x, optimum = _normalised(length, lengthrange, prm)
@@ -73,7 +73,7 @@ def muscle_bias(
 def active_force_length(
     x: Float[Array, ""], lmin: Float[Array, ""], lmax: Float[Array, ""]
 ) -> Float[Array, ""]:
-    """Bell of four parabolas: zero at `lmin` and `lmax`, one at 1."""
+    """Active force at normalised length x: four parabolas, zero at `lmin` and `lmax`, one at 1."""
     rising, falling = (lmin + 1) / 2, (1 + lmax) / 2
     up = jnp.where(x > rising, 1 - _parabola(1 - x, 1 - rising), _parabola(x - lmin, rising - lmin))
     down = jnp.where(
@@ -83,7 +83,7 @@ def active_force_length(
 
 
 def force_velocity(v: Float[Array, ""], fvmax: Float[Array, ""]) -> Float[Array, ""]:
-    """Zero when shortening at v <= -1, one at rest, `fvmax` when lengthening fast."""
+    """Force at normalised velocity v: zero for v <= -1, one at rest, `fvmax` for v >= fvmax - 1."""
     y = fvmax - 1
     shortening = jnp.where(v <= -1, 0.0, (v + 1) * (v + 1))
     lengthening = jnp.where(v <= y, fvmax - (y - v) * (y - v) / jnp.maximum(y, MINVAL), fvmax)
@@ -108,5 +108,5 @@ def _normalised(length, lengthrange, prm):
 
 
 def _peak_force(acc0, prm):
-    """The given force, or `scale / acc0` where it is negative."""
+    """Peak active force: the parameter `force`, or `scale / acc0` where that is negative."""
     return jnp.where(prm[2] < 0, prm[3] / jnp.maximum(acc0, MINVAL), prm[2])

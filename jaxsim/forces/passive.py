@@ -21,9 +21,9 @@ class PassiveForces:
     Attributes:
       qfrc_spring: springs of joints and tendons.
       qfrc_damper: dampers of joints, tendons and actuators.
-      qfrc_gravcomp: gravity compensation, also where actuators exert it.
+      qfrc_gravcomp: all gravity compensation, including that exerted by actuators.
       qfrc_fluid: drag.
-      qfrc_passive: their sum, without gravity compensation that actuators exert.
+      qfrc_passive: their sum, without gravity compensation exerted by actuators.
     """
 
     qfrc_spring: Float[Array, "nv"]

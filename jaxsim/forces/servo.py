@@ -1,4 +1,4 @@
-"""Servos of rotations: setpoints that differ by whole turns are the same setpoint."""
+"""Position servos of rotations, whose setpoints are angles modulo whole turns."""
 
 import jax.numpy as jnp
 import mujoco
@@ -19,10 +19,10 @@ _INTEGRATOR = int(mujoco.mjtDyn.mjDYN_INTEGRATOR)
 def wrap_setpoint(
     model: Model, setpoint: Float[Array, "nu"], length: Float[Array, "nu"]
 ) -> Float[Array, "nu"]:
-    """The equivalent setpoint nearest to the length, for position servos of rotations.
+    """Setpoints, those of servos of rotations moved by whole turns to be nearest to the length.
 
-    Those are servos of a joint whose length is an angle up to whole turns, such as a ball's, or of
-    a site's rotation relative to another site.
+    A servo of a rotation acts on a joint with `Joint.is_angle`, such as a ball joint, or on the
+    rotation of a site relative to another site.
 
     Args:
       model: the model.
@@ -37,7 +37,7 @@ def wrap_setpoint(
     pair = on_site[ids]
     axis = jnp.where(pair[:, None], gear[:, 3:], gear[:, :3])
     square = jnp.sum(axis * axis, axis=1)
-    # Whether it is a position servo at all is a matter of numbers: equal gains, no translation.
+    # The numbers decide whether it is a position servo: equal gains and no translation.
     wraps = take(model.actuator_gainprm[:, 0], ids) == -take(model.actuator_biasprm[:, 1], ids)
     wraps = wraps & (square > 0) & (~pair | (gear[:, :3] == 0).all(axis=1))
     period = 2 * jnp.pi * jnp.sqrt(jnp.where(wraps, square, 1.0))
@@ -47,7 +47,7 @@ def wrap_setpoint(
 
 
 def _rotational(model: Model) -> tuple[np.ndarray, np.ndarray]:
-    """(nu,) masks of actuators that may be such servos: on a joint, on a pair of sites."""
+    """(nu,) masks of actuators that may be servos of rotations: of joints, and of site pairs."""
     kind, target = model.actuator_trntype, model.actuator_trnid[:, 0]
     servo = (model.actuator_gaintype == _FIXED) & (model.actuator_biastype == _AFFINE)
     servo = servo & np.isin(model.actuator_dyntype, (_NONE, _INTEGRATOR))

@@ -15,10 +15,10 @@ _SPRING = mujoco.mjtDisableBit.mjDSBL_SPRING
 
 
 def qfrc_spring(model: Model, kin: Kinematics, qpos: Float[Array, "nq"]) -> Float[Array, "nv"]:
-    """Forces `-k(x) x` of all springs, x measured from `qpos_spring` in the joint's coordinates.
+    """Generalised forces `-k(|x|) x` of all springs; x is the displacement from `qpos_spring`.
 
-    The deflection of a rotation is a rotation vector. The polynomial depends on the length of each
-    of the joint's parts, see `Joint`.
+    The displacement of a rotation is a rotation vector. A free joint has two springs, for its
+    translation and its rotation, see `Joint.parts`.
     """
     if model.opt.disabled(_SPRING):
         return jnp.zeros_like(model.dof_damping)
@@ -46,7 +46,7 @@ def _joint_springs(model: Model, qpos) -> Float[Array, "nv"]:
 
 
 def _tendon_springs(model: Model, kin: Kinematics) -> Float[Array, "ntendon"]:
-    """Slack inside the range `lengthspring`, `-k(x) x` beyond its ends."""
+    """Forces `-k(x) x`, where x is how far the length is outside the range `lengthspring`."""
     length = kin.ten_length
     lower, upper = model.tendon_lengthspring[:, 0], model.tendon_lengthspring[:, 1]
     beyond = jnp.where(length < lower, length - lower, 0.0)

@@ -1,4 +1,4 @@
-"""From files, strings and MuJoCo's own objects to models, and back to MuJoCo."""
+"""Loading models from files, strings and MuJoCo's objects, and exporting them to MuJoCo."""
 
 from jaxsim.io.building import build
 from jaxsim.io.constants import set_const

@@ -1,4 +1,4 @@
-"""How many contacts a model needs slots for."""
+"""How many slots for contacts a model needs."""
 
 from collections.abc import Iterator
 
@@ -9,21 +9,23 @@ from jaxsim.collision import ContactKind, find_candidates, is_movable
 from jaxsim.joints import JOINTS
 from jaxsim.model import Model
 
-# Up to this many slots, every candidate keeps its own: sorting would cost more than it saves.
-FEW_SLOTS = 64
-# Probing: at most this many motions of so many seconds; the budget is this much above what occurs.
+# Up to this many slots, every candidate has its own: selecting some would cost more than it saves.
+UNSELECTED_SLOTS = 64
+# Probing runs at most PROBES motions of SECONDS each; HEADROOM is the budget's factor over the
+# largest number of contacts that occurs.
 PROBES, SECONDS, HEADROOM = 8, 2.0, 1.5
-# Probing ends at so many time steps, times degrees of freedom, in all; about a second of MuJoCo C.
+# Largest number of time steps times degrees of freedom in all motions; about 1 s of MuJoCo C.
 WORK = 1_000_000
-# Controls are held for these times, in turn (s); the first is that of one time step.
+# Controls are held constant for these times in turn (s); 0 means one time step.
 HELD = 0.0, 0.1, 0.5
-MOST_DIMENSIONS = 6  # of a contact
+MAX_CONDIM = 6
 # A motion that is faster than this has diverged (m/s or rad/s).
 DIVERGED = 1e4
-# Budgets are rounded up to multiples of a grain, and are not smaller than a few.
-GRAIN, FEW = 4, 8
-# Choosing pairs costs as much as the exact geometry of so many times their number.
-CHOICE = 4
+# Budgets are rounded up to a multiple of GRAIN and are at least MIN_BUDGET.
+GRAIN, MIN_BUDGET = 4, 8
+# Pairs are selected only if there are more than this factor times the budget: below it, selecting
+# costs more than the exact geometry of the other pairs.
+SELECTION_FACTOR = 4
 
 Budget = tuple[int | None, int | tuple[int, ...] | None]
 
@@ -31,33 +33,33 @@ Budget = tuple[int | None, int | tuple[int, ...] | None]
 def contact_budget(
     mj: mujoco.MjModel, model: Model, max_geom_pairs: int | None, max_contacts: int | None
 ) -> Budget:
-    """Limits on exact geom pairs (per pair of shapes) and contact slots (per kind of contact).
+    """Limits on geom pairs (for each pair of shapes) and contact slots (for each kind of contact).
 
     Args:
       mj: the compiled model.
-      model: the same.
+      model: the `Model` built from it.
       max_geom_pairs: the user's choice, or None.
       max_contacts: the user's choice, or None.
 
     Returns:
-      Both limits; None where every candidate gets its own slots.
+      `max_geom_pairs` and `max_contacts`; None where every candidate has its own slots.
 
     Raises:
       ModelError: geoms of unsupported shapes may collide, or a limit is not positive.
     """
     candidates = find_candidates(model, max_geom_pairs, max_contacts)
-    if candidates.ncon <= FEW_SLOTS or (max_geom_pairs and max_contacts):
+    if candidates.ncon <= UNSELECTED_SLOTS or (max_geom_pairs and max_contacts):
         return max_geom_pairs, max_contacts
     pairs, contacts = probe(mj, list(candidates.by_kind()))
-    # Bounding volumes let through more pairs than touch.
+    # More pairs have overlapping bounding volumes than are in contact.
     pairs = _rounded(2 * pairs)
-    crowded = max(len(group) for group in candidates.groups) > CHOICE * pairs
+    crowded = max(len(group) for group in candidates.groups) > SELECTION_FACTOR * pairs
     slots = tuple(_rounded(count) for count in contacts)
     return max_geom_pairs or (pairs if crowded else None), max_contacts or slots
 
 
 def probe(mj: mujoco.MjModel, kinds: list[ContactKind]) -> tuple[int, list[int]]:
-    """Largest numbers of pairs in contact, and of contacts of each kind, in random motion.
+    """Largest numbers of pairs in contact and of contacts of each kind in random motions.
 
     MuJoCo simulates the model under random controls. Half of the motions begin at the reference
     pose or a keyframe, the others at random angles of joints and of free bodies.
@@ -66,7 +68,7 @@ def probe(mj: mujoco.MjModel, kinds: list[ContactKind]) -> tuple[int, list[int]]
     probes = min(PROBES, max(1, WORK // (mj.nv * steps)))
     steps = min(steps, WORK // mj.nv)
     movable = is_movable(mj, np.arange(mj.ngeom))
-    pairs, contacts = 0, np.zeros(4 * MOST_DIMENSIONS + 4, int)
+    pairs, contacts = 0, np.zeros(4 * MAX_CONDIM + 4, int)
     for k in range(probes):
         for data in _motion(mj, k, steps):
             geoms = data.contact.geom
@@ -79,7 +81,7 @@ def probe(mj: mujoco.MjModel, kinds: list[ContactKind]) -> tuple[int, list[int]]
 
 
 def _motion(mj: mujoco.MjModel, number: int, steps: int) -> Iterator[mujoco.MjData]:
-    """The data after each step, until the motion diverges."""
+    """Simulate one random motion and yield the data after each step, until it diverges."""
     rng = np.random.default_rng(number)
     data = mujoco.MjData(mj)
     if number < mj.nkey:
@@ -98,7 +100,7 @@ def _motion(mj: mujoco.MjModel, number: int, steps: int) -> Iterator[mujoco.MjDa
 
 
 def _random_pose(mj: mujoco.MjModel, rng: np.random.Generator) -> np.ndarray:
-    """Any angles of joints within their limits, any orientation of balls and of free bodies."""
+    """Random positions of limited scalar joints, random orientations of ball and free joints."""
     qpos = mj.qpos0.copy()
     for joint in range(mj.njnt):
         at, kind = mj.jnt_qposadr[joint], JOINTS[int(mj.jnt_type[joint])]
@@ -117,4 +119,4 @@ def _control_range(mj: mujoco.MjModel):
 
 
 def _rounded(count: int) -> int:
-    return max(FEW, int(np.ceil(HEADROOM * count / GRAIN) * GRAIN))
+    return max(MIN_BUDGET, int(np.ceil(HEADROOM * count / GRAIN) * GRAIN))

@@ -1,4 +1,4 @@
-"""From a compiled `mujoco.MjModel` to a `Model`; the only place where input is validated."""
+"""`build`: from a compiled `mujoco.MjModel` to a `Model`, with validation of the model."""
 
 import copy
 import dataclasses
@@ -33,17 +33,18 @@ _STATIC = {f.name for f in dataclasses.fields(Model) if not f.metadata.get("pytr
 
 
 def build(mj: mujoco.MjModel, drop_pairs: bool = False) -> Model:
-    """Convert a compiled model.
+    """Validate and convert a compiled model.
 
     Args:
       mj: a model compiled by MuJoCo.
-      drop_pairs: whether geoms that no function can collide pass through each other.
+      drop_pairs: whether pairs of geoms without a collision function pass through each other;
+        otherwise they are an error.
 
     Returns:
       The model, its numbers in JAX's default float type.
 
     Raises:
-      ModelError: the model asks for something that is not supported, or its physics is invalid.
+      ModelError: the model uses unsupported features, or its physics is impossible.
     """
     names = Names.from_mujoco(mj)
     pairs = candidate_pairs(mj)
@@ -84,8 +85,8 @@ def build(mj: mujoco.MjModel, drop_pairs: bool = False) -> Model:
 
 
 def _leaf(value) -> Any:
-    # A copy: MuJoCo's arrays are views into a buffer that changes under us. NumPy converts it,
-    # because JAX would compile a program for each shape.
+    # A copy, because MuJoCo's arrays are views into the model's buffer. NumPy converts it, because
+    # JAX would compile a program for each shape.
     return jax.device_put(np.array(value, jnp.result_type(float)))
 
 
@@ -95,16 +96,13 @@ def _static_array(mj: mujoco.MjModel, name: str) -> np.ndarray:
 
 
 def _side_sites(mj: mujoco.MjModel) -> np.ndarray:
-    """(nwrap,) the side sites of surfaces that tendons wrap around, which MuJoCo keeps as numbers.
-
-    -1 where there is none.
-    """
+    """(nwrap,) side site of each surface that a tendon wraps around, from `wrap_prm`; -1: none."""
     surface = np.isin(mj.wrap_type, (mujoco.mjtWrap.mjWRAP_SPHERE, mujoco.mjtWrap.mjWRAP_CYLINDER))
     return np.where(surface, np.round(mj.wrap_prm), -1).astype(np.int64)
 
 
 def _mesh_digest(mj: mujoco.MjModel) -> str:
-    """What tells models with other meshes apart, which rays meet in the source."""
+    """Digest of all meshes; rays use those of `Structure.source`, which is not compared itself."""
     parts = mj.geom_dataid, mj.mesh_vertadr, mj.mesh_faceadr, mj.mesh_vert, mj.mesh_face
     return hashlib.sha256(b"".join(np.ascontiguousarray(x).tobytes() for x in parts)).hexdigest()
 

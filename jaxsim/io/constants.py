@@ -1,4 +1,4 @@
-"""Constants that MuJoCo derives from masses, sizes and poses at the reference configuration."""
+"""`set_const`: constants derived from masses, sizes and poses at the reference configuration."""
 
 import jax
 import jax.numpy as jnp
@@ -23,17 +23,17 @@ from jaxsim.spatial import Pose
 _CONNECT = int(mujoco.mjtEq.mjEQ_CONNECT)
 _WELD = int(mujoco.mjtEq.mjEQ_WELD)
 _BODY = int(mujoco.mjtObj.mjOBJ_BODY)
-_SLIDES_ONLY = 2  # of `body_simple`: slides along the body's axes, and no off-diagonal inertia
+_SLIDES_ONLY = 2  # value of `body_simple`: only slides along the body's axes, diagonal inertia
 
 
 @full_precision
 def set_const(model: Model) -> Model:
-    """Recompute the derived constants after masses, sizes or poses have changed.
+    """Recompute the derived constants after masses, sizes or poses have changed, as `mj_setConst`.
 
-    These are `body_subtreemass`, `body_invweight0`, `dof_invweight0`, `dof_M0`,
-    `tendon_length0`, `tendon_invweight0`, `actuator_length0`, `actuator_acc0`, what `connect` and
-    `weld` constraints keep of the reference configuration: MuJoCo's `mj_setConst`. Differentiable,
-    and under `vmap` one model at a time.
+    They are `body_subtreemass`, `body_invweight0`, `dof_invweight0`, `dof_M0`, `tendon_length0`,
+    `tendon_invweight0`, `actuator_length0`, `actuator_acc0`, and in `eq_data` the anchors and poses
+    of `connect` and `weld` constraints at the reference configuration. The function is
+    differentiable and takes one model; use `jax.vmap` for a batch.
 
     Args:
       model: a model whose leaves may have been changed.
@@ -42,7 +42,7 @@ def set_const(model: Model) -> Model:
       The model with consistent constants.
 
     Raises:
-      TypeError: an argument, or the numbers in an array, are of the wrong type.
+      TypeError: the model is not a `Model`, or the numbers in an array are of the wrong type.
       ValueError: an array has the wrong shape.
     """
     model = admit_model(model)
@@ -70,8 +70,8 @@ def _subtree_masses(model: Model) -> Float[Array, "nbody"]:
 def _body_weights(model: Model, kin: Kinematics, inverse) -> Float[Array, "nbody 2"]:
     """Mean translational and rotational inverse inertia at the centre of mass.
 
-    For bodies that slide along their own axes only it is the inverse mass, whatever the number of
-    these axes.
+    As in MuJoCo, a body that only slides along its own axes has its inverse mass, whatever the
+    number of these axes.
     """
     J = body_jacobians(model, kin, kin.xipos)
     weights = jax.vmap(lambda rows: jnp.sum(rows * inverse(rows), axis=1))(J)
@@ -82,9 +82,9 @@ def _body_weights(model: Model, kin: Kinematics, inverse) -> Float[Array, "nbody
 
 
 def _dof_weights(model: Model, diagonal: Float[Array, "nv"]) -> Float[Array, "nv"]:
-    """Diagonal of the inverse mass matrix, averaged over each part of a joint's velocity.
+    """Diagonal of the inverse mass matrix, averaged over each of a joint's `parts`.
 
-    For slides that move nothing but one body it is the inverse mass, whatever their armature.
+    As in MuJoCo, slides that move only one body have its inverse mass, whatever their armature.
     """
     sizes = [size for kind in model.jnt_type for size in JOINTS[int(kind)].parts]
     groups = np.repeat(np.arange(len(sizes)), np.array(sizes, int))
@@ -97,11 +97,11 @@ def _dof_weights(model: Model, diagonal: Float[Array, "nv"]) -> Float[Array, "nv
 
 
 def _equality_poses(model: Model, kin: Kinematics) -> Float[Array, "neq 12"]:
-    """What connects and welds keep as it is in the reference configuration.
+    """`eq_data` with the anchors and poses of connects and welds at the reference configuration.
 
-    A connect has the anchor of its first body, and gets that of the second. A weld has the anchor
-    of its second body; where the file gives no relative pose, it gets that of the first and the
-    relative orientation.
+    A connect stores the anchor on its first body; the anchor on the second body is computed. A weld
+    stores the anchor on its second body; where the file gives no relative pose, the anchor on the
+    first body and the relative orientation are computed.
     """
     data = model.eq_data
     for i in np.nonzero(model.eq_objtype == _BODY)[0]:
@@ -114,13 +114,13 @@ def _equality_poses(model: Model, kin: Kinematics) -> Float[Array, "neq 12"]:
         elif model.eq_type[i] == _WELD:
             relative = first.inverse() @ second
             found = jnp.concatenate([relative.apply(data[i, :3]), relative.quat])
-            # MuJoCo's compiler leaves a one in the last place where it computed the pose.
+            # MuJoCo's compiler sets entry 11 to one where it has computed the pose.
             data = data.at[i, 3:10].set(jnp.where(data[i, 11] == 1, found, data[i, 3:10]))
     return data
 
 
 def _path_constants(model: Model, kin: Kinematics, inverse) -> Model:
-    """Lengths and inverse inertias along tendons and actuators."""
+    """The model with lengths and inverse inertias of tendons and actuators."""
     J = tendon_jacobian(model, kin)
     paths = transmission(model, kin, model.qpos0)
     moment = actuator_moment(model, paths)
@@ -133,5 +133,5 @@ def _path_constants(model: Model, kin: Kinematics, inverse) -> Model:
 
 
 def _positive(x):
-    # An actuator that moves nothing must not make the derivative infinite.
+    # The square root has no finite derivative at zero, the value of an actuator that moves nothing.
     return jnp.where(x > 0, x, jnp.finfo(x.dtype).tiny)

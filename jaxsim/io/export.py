@@ -1,4 +1,4 @@
-"""Back to MuJoCo: a `Model` as `mujoco.MjModel`, a `State` as `mujoco.MjData`."""
+"""`to_mujoco`: a `Model` as a `mujoco.MjModel`, and a `State` as a `mujoco.MjData`."""
 
 import copy
 import dataclasses
@@ -12,7 +12,7 @@ from jaxsim.model import Model, ModelError, State
 from jaxsim.model.errors import expect
 
 _STATE = "qpos qvel act qacc_warmstart xfrc_applied qfrc_applied mocap_pos mocap_quat".split()
-# What a geom's bounding boxes were computed from; they are not leaves.
+# Fields from which MuJoCo's compiler computes the bounding boxes of geoms.
 _BOXES = "geom_size", "geom_pos", "geom_quat"
 _MIDPHASE_OFF = int(mujoco.mjtDisableBit.mjDSBL_MIDPHASE)
 
@@ -24,22 +24,22 @@ def to_mujoco(
     model: Model, state: State, ctrl: Float[Array, "nu"] | None = None
 ) -> tuple[mujoco.MjModel, mujoco.MjData]: ...
 def to_mujoco(model: Model, state: State | None = None, ctrl: Float[Array, "nu"] | None = None):
-    """The model for MuJoCo's viewer, renderer and tools; with a state, its data too.
+    """Convert a model, and optionally a state, for MuJoCo's viewer, renderer and tools.
 
-    The result is a copy of the compiled source of the model, with its names, looks and meshes, and
-    with the numbers that the model has now.
+    The `MjModel` is a copy of the one from which the model was loaded, with its names, materials
+    and meshes, and with the model's present numbers.
 
     Args:
       model: the model of one environment.
-      state: a state of one environment; `mj_forward` is called on its data.
-      ctrl: controls that go with the state; zeros if None.
+      state: a state of one environment, or None; `mj_forward` is called on its data.
+      ctrl: controls in the data; zeros if None.
 
     Returns:
       The `MjModel`, or `(MjModel, MjData)` if a state is given.
 
     Raises:
-      ModelError: the model has numbers that MuJoCo cannot take without compiling it anew.
-      TypeError: the model or the state is something else.
+      ModelError: a number has changed that MuJoCo can change only by compiling the MJCF again.
+      TypeError: the model is not a `Model`, or the state not a `State`.
       ValueError: the model or the state has a batch axis.
     """
     expect(model, Model, "jaxsim.load")
@@ -54,7 +54,7 @@ def to_mujoco(model: Model, state: State | None = None, ctrl: Float[Array, "nu"]
             value = getattr(record, field.name)
             if hasattr(target, field.name) and not dataclasses.is_dataclass(value):
                 _assign(target, field.name, value)
-    # The numbers hold now, not what the compiler concluded from them.
+    # The compiler's marks of frames that coincide may be wrong for the present numbers.
     for kind in "body", "geom", "site":
         getattr(mj, f"{kind}_sameframe")[:] = int(mujoco.mjtSameFrame.mjSAMEFRAME_NONE)
     if moved:
@@ -74,7 +74,7 @@ def _data(mj: mujoco.MjModel, state: State, ctrl) -> mujoco.MjData:
 
 
 def _assign(target, name: str, value) -> None:
-    """Write numbers in place; what is not an array is set."""
+    """Assign to an attribute: in place if it is an array."""
     value, old = np.asarray(value), getattr(target, name)
     if value.shape != np.shape(old):
         raise ValueError(
@@ -92,7 +92,7 @@ def _numbers(model: Model, name: str) -> np.ndarray:
 
 
 def _check_simple_bodies(model: Model, mj: mujoco.MjModel) -> None:
-    """MuJoCo stores no off-diagonal inertia of bodies that are aligned with it."""
+    """Raise if a body that MuJoCo takes for aligned with its inertial frame no longer is."""
     simple = mj.body_simple[1:] > 0
     frames = np.concatenate([_numbers(model, "body_ipos"), _numbers(model, "body_iquat")], axis=1)
     off = np.abs(frames[1:] - [0, 0, 0, 1, 0, 0, 0]).max(1) > 0
@@ -104,7 +104,7 @@ def _check_simple_bodies(model: Model, mj: mujoco.MjModel) -> None:
 
 
 def _check_meshes(model: Model, mj: mujoco.MjModel) -> None:
-    """MuJoCo's collision has a mesh's own vertices, which its size does not scale."""
+    """Raise if the size of a mesh has changed: MuJoCo's collision does not scale its vertices."""
     changed = ~np.isclose(_numbers(model, "geom_size"), mj.geom_size, 1e-6, 0).all(axis=1)
     for geom in np.nonzero(changed & (mj.geom_type == mujoco.mjtGeom.mjGEOM_MESH))[0]:
         raise ModelError(

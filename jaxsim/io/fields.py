@@ -1,4 +1,4 @@
-"""Height fields that may collide, as tables of equal rows."""
+"""Height fields as arrays, padded to equal size."""
 
 import mujoco
 import numpy as np
@@ -7,16 +7,16 @@ _HFIELD = int(mujoco.mjtGeom.mjGEOM_HFIELD)
 
 
 def field_tables(mj: mujoco.MjModel) -> dict[str, np.ndarray]:
-    """Arrays of the model's structure about its height fields.
+    """Fields of the model's structure that describe its height fields.
 
     Args:
       mj: a compiled model.
 
     Returns:
-      `geom_field` (ngeom,): each geom's field, -1 for others. `field_height` (n, r, c): metres,
-      padded at the ends of rows and columns. `field_count` (n, 2): rows and columns. `field_size`
-      (n, 4): MuJoCo's. `geom_reach` (ngeom,): radius of a ball around each geom, where there are
-      fields.
+      `geom_field` (ngeom,): height field of each geom, -1 for other shapes. `field_height`
+      (n, r, c): heights (m), padded at the ends of rows and columns. `field_count` (n, 2): numbers
+      of rows and columns. `field_size` (n, 4): MuJoCo's `hfield_size`. `geom_reach` (ngeom,):
+      radius of each geom's bounding sphere (m), zero if the model has no height field.
     """
     geom_field = np.where(mj.geom_type == _HFIELD, mj.geom_dataid, -1)
     count = np.stack([mj.hfield_nrow, mj.hfield_ncol], axis=1).astype(int)

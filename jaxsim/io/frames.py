@@ -1,8 +1,8 @@
-"""Frames that MuJoCo takes to be aligned with their body.
+"""Frames that MuJoCo treats as equal to the frame of their body.
 
-The compiler marks inertial frames, geoms and sites whose pose equals the body's (or its inertial
-frame's) up to rounding, and the engine then does not look at the numbers any more. Those numbers
-are replaced here by what the engine uses.
+MuJoCo's compiler marks inertial frames, geoms and sites whose pose equals that of the body (or of
+its inertial frame) up to rounding. Its engine then ignores the numbers in their pose. Here those
+numbers are replaced by the pose that the engine uses.
 """
 
 import mujoco

@@ -1,8 +1,8 @@
-"""Convex hulls of the meshes that may collide, as tables of equal rows.
+"""Convex hulls of the meshes that may collide, as arrays padded to equal size.
 
-MuJoCo's compiler has found the hulls (of at most `maxhullvert` corners) and merged their triangles
-into flat faces. Corners are stored in units of the geom's size, the largest coordinates of the
-mesh.
+MuJoCo's compiler computes the hulls (of at most `maxhullvert` corners) and merges their triangles
+into flat faces. Corners are stored in units of the geom's size, the largest absolute coordinate of
+the mesh along each axis.
 """
 
 import warnings
@@ -14,16 +14,16 @@ import numpy as np
 from jaxsim.model.names import Label
 from jaxsim.model.problems import Problem
 
-# Where a face lies on another, this many of its corners are enough: as for MuJoCo's cylinders.
+# Faces with more corners are simplified: 16 are enough for face contacts, as for cylinders.
 MAX_SIDES = 16
-# A hull of more corners costs time that its shape is seldom worth.
+# Hulls with more corners give a warning, because their collisions are slow.
 MANY_CORNERS = 128
 
 _MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
 
 
 def flat_meshes(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
-    """Geoms that may collide and whose meshes have no volume that a convex hull has."""
+    """Problems of geoms that may collide and whose convex hull has no volume."""
     for geom in _geoms(mj):
         mesh, size = mj.geom_dataid[geom], mj.geom_size[geom]
         if not mj.mesh_polynum[mesh] or size.min() < 1e-6 * size.max():
@@ -31,15 +31,15 @@ def flat_meshes(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
 
 
 def hull_tables(mj: mujoco.MjModel, label: Label) -> dict[str, np.ndarray]:
-    """Arrays of the model's structure about the hulls of its meshes.
+    """Fields of the model's structure that describe the hulls of its meshes.
 
     Args:
       mj: a compiled model.
-      label: how a message refers to a geom.
+      label: from (kind, id) to the name of an element in messages.
 
     Returns:
-      `geom_hull` (ngeom,): each geom's hull, -1 for those that are no meshes or cannot collide.
-      `hull_size` (n, 2): numbers of corners and faces; the rows below are padded to the largest.
+      `geom_hull` (ngeom,): hull of each geom, -1 for other shapes and geoms that cannot collide.
+      `hull_size` (n, 2): numbers of corners and faces; the arrays below are padded to the largest.
       `hull_corner` (n, v, 3), `hull_normal` (n, f, 3), `hull_face` (n, f, p, 3): see
       `jaxsim.collision.Hull`.
     """
@@ -66,7 +66,7 @@ def hull_tables(mj: mujoco.MjModel, label: Label) -> dict[str, np.ndarray]:
 
 
 def _geoms(mj: mujoco.MjModel) -> np.ndarray:
-    """Meshes that a filter or an explicit pair lets collide."""
+    """Mesh geoms that may collide, by their masks or in an explicit pair."""
     masked = (mj.geom_contype | mj.geom_conaffinity) != 0
     paired = np.isin(np.arange(mj.ngeom), np.concatenate([mj.pair_geom1, mj.pair_geom2]))
     return np.flatnonzero((mj.geom_type == _MESH) & (masked | paired))
@@ -75,7 +75,7 @@ def _geoms(mj: mujoco.MjModel) -> np.ndarray:
 def _hull(
     mj: mujoco.MjModel, mesh: int, geom: int
 ) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
-    """Corners, normals and lists of the corners of each face."""
+    """Corners (v, 3), normals (f, 3), and for each face its corners (p, 3)."""
     start, size = mj.mesh_vertadr[mesh], mj.geom_size[geom]
     vertices = mj.mesh_vert[start : start + mj.mesh_vertnum[mesh]] / size
     polygons = mj.mesh_polyadr[mesh] + np.arange(mj.mesh_polynum[mesh])
@@ -85,7 +85,7 @@ def _hull(
         for start, count in zip(starts, mj.mesh_polyvertnum[polygons], strict=True)
     ]
     corners = vertices[np.unique(np.concatenate(rings))]
-    # In units of the size, a plane's normal is multiplied with it.
+    # Dividing corners by the size multiplies the normals of planes with it.
     normals = mj.mesh_polynormal[polygons] * size
     return corners, normals, [_simplified(vertices[ring]) for ring in rings]
 
@@ -101,7 +101,7 @@ def _warn_of_many_corners(size: np.ndarray, labels: list[str]) -> None:
 
 
 def _simplified(ring: np.ndarray) -> np.ndarray:
-    """A polygon of at most MAX_SIDES corners: those that matter least for its area are left out."""
+    """The polygon reduced to MAX_SIDES corners, leaving out those that change its area least."""
     while len(ring) > MAX_SIDES:
         before, after = np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0)
         area = np.linalg.norm(np.cross(ring - before, after - before), axis=1)

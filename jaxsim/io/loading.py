@@ -1,4 +1,4 @@
-"""`load`: MJCF or URDF to a `Model`. MuJoCo compiles; the compiled model is what is read."""
+"""`load`: from MJCF or URDF to a `Model`, by way of MuJoCo's compiler."""
 
 import difflib
 import importlib.resources
@@ -30,28 +30,31 @@ def load(
 
     Args:
       source: path of an MJCF or URDF file (`.xml`, `.mjcf`, `.urdf`), the XML itself, the name of
-        a bundled model, an `mujoco.MjSpec`, or a compiled `mujoco.MjModel`.
-      max_contacts: contact slots of each kind, a condim and which geoms can move. None
-        gives every candidate its own slots while they are few; where they are many, the numbers
-        are found by simulating the model for a few seconds.
-      max_geom_pairs: geom pairs of each kind whose exact geometry is evaluated; None as before.
-      hessian: how the constraint solver solves with its Hessian: "articulated" (O(n); nothing may
-        couple two moving links), "dense", "iterative", or "auto" for the best of them.
-      rotations: what RK4 averages of ball and free joints: "lie", rates of rotation vectors, which
-        has fourth order, or "mujoco", angular velocities as MuJoCo does, which has second order.
-      contact: law of contact, a name in `jaxsim.constraint.laws.LAWS`.
-      unsupported_pairs: what becomes of geoms that may collide and whose shapes cannot: "error", or
-        "drop": they pass through each other, and a warning names them.
+        a bundled model, a `mujoco.MjSpec`, or a compiled `mujoco.MjModel`.
+      max_contacts: largest number of simultaneous contacts of each kind. The kind of a contact is
+        its condim and whether one or both of its geoms can move. If None, all possible contacts are
+        kept where there are at most 64; otherwise the numbers come from simulating the model for a
+        few seconds with MuJoCo.
+      max_geom_pairs: largest number of geom pairs for each pair of shapes whose contacts are
+        computed at a time step. If None, chosen like `max_contacts`.
+      hessian: how the constraint solver solves with its Hessian: "articulated" (O(n), but no
+        constraint may couple two moving links), "dense", "iterative" (conjugate gradients), or
+        "auto" for the fastest of these.
+      rotations: what RK4 averages for ball and free joints: "lie", the rates of rotation vectors,
+        which is of fourth order, or "mujoco", angular velocities, which is of second order.
+      contact: contact law, a name in `jaxsim.constraint.laws.LAWS`.
+      unsupported_pairs: what to do with pairs of geoms that may collide, but have no collision
+        function: "error", or "drop" to let them pass through each other with a warning.
 
     Returns:
       The model, its numbers in JAX's default float type.
 
     Raises:
       FileNotFoundError: there is no such file, and no bundled model has this name.
-      ModelError: the XML is malformed, the model asks for something that is not supported, or
-        its physics is invalid; `problems` lists all of it.
+      ModelError: the XML is malformed, the model uses unsupported features, or its physics is
+        impossible; `problems` lists everything that is wrong.
       TypeError: the source is of another type.
-      ValueError: an option is out of its range.
+      ValueError: an option has an invalid value.
     """
     if hessian not in ("auto", *STRATEGIES):
         raise ValueError(f"hessian must be one of auto, {', '.join(STRATEGIES)}, got {hessian!r}")
@@ -69,7 +72,7 @@ def load(
 
 
 def compile_mujoco(source) -> mujoco.MjModel:
-    """The compiled `mujoco.MjModel` of any source that `load` takes; errors as there."""
+    """The compiled `mujoco.MjModel` of a source; argument and errors as for `load`."""
     if isinstance(source, mujoco.MjModel):
         return source
     if isinstance(source, mujoco.MjSpec):
@@ -112,7 +115,7 @@ def _assets():
 
 
 def _compiled_file(source: str | os.PathLike) -> mujoco.MjModel:
-    """A file of that path, else a bundled model of that name."""
+    """Compile the file at a path, or else the bundled model of that name."""
     path = pathlib.Path(source)
     if _is_file(path):
         return _compiled(lambda: mujoco.MjModel.from_xml_path(str(path)), str(path))
@@ -123,7 +126,7 @@ def _compiled_file(source: str | os.PathLike) -> mujoco.MjModel:
 def _is_file(path: pathlib.Path) -> bool:
     try:
         return path.is_file()
-    except OSError:  # the name is longer than a file's may be, for instance
+    except OSError:  # for instance, the path is too long
         return False
 
 

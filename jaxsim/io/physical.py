@@ -1,4 +1,4 @@
-"""Which numbers are physically possible."""
+"""Validation of a compiled model's numbers: which are physically impossible."""
 
 import dataclasses
 from collections.abc import Iterator
@@ -12,7 +12,7 @@ from jaxsim.model.model import Model, Option
 from jaxsim.model.names import Label
 from jaxsim.model.problems import Problem, rows
 
-# Fields by the beginning of their names: kind of element, and the element of each entry.
+# Kind of element for the prefix of a field's name.
 _KINDS = {
     "body": "body",
     "jnt": "joint",
@@ -25,7 +25,7 @@ _KINDS = {
     "sensor": "sensor",
     "key": "key",
 }
-# Attributes that MJCF calls otherwise than MuJoCo's fields.
+# MJCF's names of attributes that differ from MuJoCo's names of fields.
 _MJCF_NAMES = {
     "jnt_solref": "solreflimit",
     "jnt_solimp": "solimplimit",
@@ -50,7 +50,7 @@ _NOT_NEGATIVE = (
 
 
 def impossible(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
-    """Everything in a compiled model whose numbers are physically impossible."""
+    """All numbers in a compiled model that are not finite or physically impossible."""
     yield from _not_finite(mj, label)
     if not mj.opt.timestep > 0:
         yield Problem("option", f"timestep must be positive, got {mj.opt.timestep:g}")
@@ -67,7 +67,7 @@ def impossible(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
 
 
 def _element(mj: mujoco.MjModel, label: Label, field: str, i: int) -> str:
-    """The element that an entry of a field belongs to."""
+    """Label of the element to which row i of a field belongs."""
     prefix = field.split("_")[0]
     if prefix == "dof":
         return label("joint", int(mj.dof_jntid[i]))
@@ -79,12 +79,12 @@ def _element(mj: mujoco.MjModel, label: Label, field: str, i: int) -> str:
 
 
 def _attribute(field: str) -> str:
-    """MJCF's name of a field."""
+    """MJCF's name for a field."""
     return _MJCF_NAMES.get(field, field.partition("_")[2] or field)
 
 
 def _not_finite(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
-    """Numbers that are not finite, or are not in JAX's default float type."""
+    """Numbers that are not finite in JAX's default float type."""
     for field in dataclasses.fields(Model):
         value = getattr(mj, field.name, None)
         if isinstance(value, np.ndarray) and value.size and field.metadata.get("pytree_node", True):
@@ -103,7 +103,7 @@ def _finite(value) -> np.ndarray:
 
 
 def _triangle(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
-    """Principal moments that no distribution of mass has."""
+    """Principal moments that violate the triangle inequality."""
     for b in range(1, mj.nbody):
         inertia = mj.body_inertia[b]
         # Slack for rounding: a flat body meets the bound exactly.
@@ -116,7 +116,7 @@ def _triangle(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
 
 
 def _moving_mass(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
-    """Each leaf of the tree must carry inertia, or the mass matrix is singular."""
+    """Jointed bodies whose subtree has no mass, so that the mass matrix is singular."""
     carried = np.zeros(mj.nbody)
     np.add.at(carried, mj.body_weldid, mj.body_mass)
     below = carried.copy()

@@ -1,4 +1,4 @@
-"""Whether the mass matrix of a model can be inverted."""
+"""Check that the mass matrix of a model is invertible."""
 
 import mujoco
 import numpy as np
@@ -6,20 +6,20 @@ import numpy as np
 from jaxsim.model.errors import ModelError
 from jaxsim.model.names import Label
 
-# A pivot this small next to its diagonal entry is rounding.
+# A pivot smaller than this, relative to its diagonal entry, is rounding error.
 _MIN_PIVOT = 1e-13
 
 
 def check_mass_matrix(mj: mujoco.MjModel, label: Label) -> None:
     """Raise `ModelError` if the mass matrix is singular in the reference configuration.
 
-    Joints of a body that can undo each other, such as four slides, have no unique accelerations.
+    Redundant joints of a body, such as four slides, have no unique accelerations.
     """
     if mj.nv == 0:
         return
     matrix = _mass_matrix(mj)
     scale = matrix.diagonal().copy()
-    # Leaves first: a pivot is the inertia that a joint feels while all joints further out yield.
+    # Leaves first: a pivot is the inertia at a joint while all joints further out move freely.
     for k in reversed(range(mj.nv)):
         pivot, column = matrix[k, k], matrix[:k, k]
         if not pivot > _MIN_PIVOT * scale[k]:
@@ -34,8 +34,8 @@ def check_mass_matrix(mj: mujoco.MjModel, label: Label) -> None:
 def _mass_matrix(mj: mujoco.MjModel) -> np.ndarray:
     """`sum_b m J_b^T J_b + W_b^T I_b W_b` over all bodies, plus what MuJoCo adds to the diagonal.
 
-    MuJoCo's own matrix leaves out what it takes for zero in bodies that it calls simple; of two
-    slides along one axis that is wrong.
+    For bodies with `body_simple`, MuJoCo's own matrix leaves out entries that it takes for zero;
+    they are not zero for two slides along one axis.
     """
     data = mujoco.MjData(mj)
     mujoco.mj_kinematics(mj, data)

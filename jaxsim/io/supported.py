@@ -1,9 +1,8 @@
-"""What a model may ask for.
+"""Which of MuJoCo's features are supported.
 
-Everything that MuJoCo would use and this package would not is a problem here: nothing is ignored
-silently. Rendering data (cameras, lights, materials, visual meshes) has no effect on the physics
-and passes. Attributes are named as in MJCF; a constant that this MuJoCo has no name for is one of
-a later MuJoCo, and is a problem too.
+Every feature that affects MuJoCo's physics and is not supported is reported: nothing is ignored
+silently. Rendering data (cameras, lights, materials, visual meshes) is allowed. Messages use MJCF's
+names. A constant without a name comes from a later MuJoCo and is reported, too.
 """
 
 from collections.abc import Iterator
@@ -20,7 +19,7 @@ from jaxsim.model.problems import Problem, rows
 from jaxsim.sensor import SENSORS
 
 _ENABLE_FLAGS = "OVERRIDE ENERGY FWDINV SLEEP"
-# What MJCF calls otherwise than MuJoCo's constants.
+# MJCF's names that differ from MuJoCo's names of constants.
 _MJCF_NAMES = {
     "geomdist": "distance",
     "geomnormal": "normal",
@@ -30,7 +29,7 @@ _MJCF_NAMES = {
 
 
 class _Choice(NamedTuple):
-    """A field whose values are constants of MuJoCo's, of which some are supported."""
+    """A field with values of a MuJoCo enum, of which some are supported."""
 
     field: str
     kind: str
@@ -62,7 +61,7 @@ _OPTIONS = (
 
 
 def unsupported(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
-    """Everything in a compiled model that is not supported, and what to do about it."""
+    """All unsupported features that a compiled model uses, each with a remedy."""
     yield from _options(mj)
     for choice in _CHOICES:
         for i, value in enumerate(getattr(mj, choice.field)):
@@ -128,7 +127,7 @@ def _attributes(mj: mujoco.MjModel) -> tuple[tuple[str, str, np.ndarray, str], .
 
 
 def _limits(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
-    """One row serves both ends of a range, so both must not be active at once."""
+    """Ranges smaller than both margins: one row serves both limits, so only one may be active."""
     scalar = np.isin(mj.jnt_type, (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE))
     for kind, limited, bounds, margin in (
         ("joint", mj.jnt_limited.astype(bool) & scalar, mj.jnt_range, mj.jnt_margin),
@@ -143,7 +142,7 @@ def _limits(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
 
 
 def _rays(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
-    """Range finders beside geoms that rays cannot meet."""
+    """Geoms that rays cannot intersect, in models with range finders."""
     if mujoco.mjtSensor.mjSENS_RANGEFINDER in mj.sensor_type:
         for geom in ray_problems(mj, opaque_geoms(mj)):
             yield Problem(

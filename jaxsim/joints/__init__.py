@@ -1,4 +1,4 @@
-"""Joint types, one file each, by MuJoCo's number; `joint.py` says what a type answers."""
+"""Joint types, one file each: `JOINTS` has them by MuJoCo's number, `joint.py` defines a type."""
 
 from jaxsim.joints.ball import BALL
 from jaxsim.joints.free import FREE

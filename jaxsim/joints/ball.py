@@ -42,37 +42,37 @@ def _motion_axes(
 
 
 def rotations(mat: Float[Array, "3 3"], centre: Float[Array, "3"]) -> Float[Array, "3 6"]:
-    """Motion axes of turning about the link's own axes, the columns of `mat`, through a point."""
+    """Motion axes of rotations about the link's axes, the columns of `mat`, through `centre`."""
     moments = jnp.stack([jnp.cross(centre, mat[:, k]) for k in range(3)])
     return jnp.concatenate([mat.T, moments], axis=1)
 
 
 def _exponential_rate(v: Float[Array, "3"], theta: Float[Array, "3"]) -> Float[Array, "3"]:
-    """`v + theta x v / 2 + c theta x (theta x v)`, the inverse of the map's right Jacobian."""
+    """`v + theta x v / 2 + c theta x (theta x v)`: the exponential map's inverse right Jacobian."""
     turned = jnp.cross(theta, v)
     return v + turned / 2 + cotangent_defect(theta @ theta) * jnp.cross(theta, turned)
 
 
 def _transmission(q: Float[Array, "4"], gear: Float[Array, "6"], in_parent: bool):
-    """The rotation vector's component along `gear[:3]`, about which the force is a torque."""
+    """Length: component of the rotation vector along `gear[:3]`; moment: a torque about it."""
     moment = torque(q, gear[:3], in_parent)
     return quat_log(quat_normalize(q)) @ moment, moment
 
 
 def torque(q: Float[Array, "4"], gear: Float[Array, "3"], in_parent: bool) -> Float[Array, "3"]:
-    """A torque on the parent's or the link's axes, in the link's."""
+    """A torque in the link's axes; `gear` is in the parent's axes or already in the link's."""
     return quat_inv_rotate(quat_normalize(q), gear) if in_parent else gear
 
 
 def _limit(q: Float[Array, "4"], bounds: Float[Array, "2"]):
-    """The angle of the rotation has an upper limit; its derivative is zero at the identity."""
+    """The rotation angle has an upper limit only; its derivative is zero at the identity."""
     turn = quat_log(q)
     angle, divisor = norm_and_divisor(turn)
     return jnp.full_like(angle, jnp.inf), jnp.max(bounds) - angle, turn / divisor
 
 
 def _clamp(q: Float[Array, "4"], bounds: Float[Array, "2"]) -> Float[Array, "4"]:
-    """The same axis, and an angle within the limit."""
+    """Reduce the rotation angle to the limit; the axis stays the same."""
     turn = quat_log(quat_normalize(q))
     angle, divisor = norm_and_divisor(turn)
     largest = jnp.max(bounds)

@@ -1,4 +1,4 @@
-"""Moving in configuration space: `qpos` plus a velocity times a time, and its inverse."""
+"""Integration and difference on the configuration manifold: `qpos` and velocities times a time."""
 
 from jaxtyping import Array, Float
 
@@ -9,7 +9,7 @@ from jaxsim.model import Model
 def integrate_pos(
     model: Model, qpos: Float[Array, "nq"], qvel: Float[Array, "nv"], dt: Float[Array, ""] | float
 ) -> Float[Array, "nq"]:
-    """Coordinates after moving at constant velocity for `dt` seconds, as `mj_integratePos`."""
+    """Coordinates after `dt` seconds at constant velocity, as `mj_integratePos`."""
     return per_joint(
         model.jnt_type,
         ("integrate",),
@@ -43,12 +43,15 @@ def difference_pos(
 def exponential_rate(
     model: Model, qvel: Float[Array, "nv"], theta: Float[Array, "nv"]
 ) -> Float[Array, "nv"]:
-    """Rate of the exponential coordinates theta, measured from some `qpos`, that a velocity means.
+    """Rate of the exponential coordinates theta of a configuration with velocity `qvel`.
 
     Args:
       model: the model.
-      qvel: velocities at `integrate_pos(model, qpos, theta, 1)`.
-      theta: the exponential coordinates.
+      qvel: velocity at the configuration `integrate_pos(model, qpos, theta, 1)`, for any `qpos`.
+      theta: the exponential coordinates with respect to `qpos`.
+
+    Returns:
+      `d(theta)/dt`; it does not depend on `qpos`.
     """
     return per_joint(
         model.jnt_type,

@@ -1,7 +1,7 @@
-"""The free joint: any motion of a body.
+"""The free joint: six degrees of freedom.
 
-Its coordinates are a position in the world (m) and a unit quaternion, its velocity is linear in
-the world's axes (m/s) and angular in the link's (rad/s).
+Its coordinates are a position in the world (m) and a unit quaternion. Its velocity is the linear
+velocity in the world's axes (m/s) and the angular velocity in the link's axes (rad/s).
 """
 
 import jax.numpy as jnp
@@ -47,15 +47,15 @@ def _exponential_rate(v: Float[Array, "6"], theta: Float[Array, "6"]) -> Float[A
 
 
 def _transmission(q: Float[Array, "7"], gear: Float[Array, "6"], in_parent: bool):
-    """No length; a force `gear[:3]` in the world's axes and a torque `gear[3:]`."""
+    """Length zero; moment: a force `gear[:3]` in the world's axes and a torque `gear[3:]`."""
     moment = jnp.concatenate([gear[:3], torque(q[3:], gear[3:], in_parent)])
     return jnp.zeros_like(gear[0]), moment
 
 
 def _limit(q: Float[Array, "7"], bounds: Float[Array, "2"]):
-    """No limits."""
-    far = jnp.full_like(bounds[0], jnp.inf)
-    return far, far, jnp.zeros(6, q.dtype)
+    """A free joint has no limits."""
+    infinite = jnp.full_like(bounds[0], jnp.inf)
+    return infinite, infinite, jnp.zeros(6, q.dtype)
 
 
 FREE = Joint(

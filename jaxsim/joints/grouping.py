@@ -1,4 +1,4 @@
-"""Computing with all joints of a model: once for each group of types that answer alike."""
+"""Functions of all joints of a model: one `vmap` for each group of types that share a function."""
 
 from collections.abc import Callable
 from typing import Any
@@ -11,49 +11,55 @@ from jaxsim.joints import JOINTS, Joint
 from jaxsim.model import Model
 
 
-def alike(types: np.ndarray, *questions: str) -> np.ndarray:
-    """(n,) for each joint the first type that answers these questions as its own type does."""
+def shared_type(types: np.ndarray, *fields: str) -> np.ndarray:
+    """(n,) the first type in `types` whose sizes and fields equal those of each joint's type.
+
+    Args:
+      types: (n,) types of the joints.
+      fields: names of fields of `Joint`.
+    """
     first: dict[tuple, int] = {}
-    answers = (tuple(getattr(JOINTS[int(t)], q) for q in ("nq", "nv", *questions)) for t in types)
-    pairs = [first.setdefault(a, int(t)) for a, t in zip(answers, types, strict=True)]
-    return np.array(pairs, int)
+    keys = (tuple(getattr(JOINTS[int(t)], f) for f in ("nq", "nv", *fields)) for t in types)
+    return np.array([first.setdefault(k, int(t)) for k, t in zip(keys, types, strict=True)], int)
 
 
 def per_joint(
     types: np.ndarray,
-    questions: tuple[str, ...],
+    fields: tuple[str, ...],
     function: Callable[[Joint], Callable],
     *inputs: jax.Array | Rows,
     empty: Any,
     start: np.ndarray | None = None,
 ) -> Any:
-    """`function(joint)(inputs[0][i], ...)` for all joints i, for one group of types at a time.
+    """`function(joint)(inputs[0][i], ...)` for all joints i.
+
+    Types with equal `fields` are computed together.
 
     Args:
       types: (n,) types of the joints.
-      questions: the fields of a `Joint` that `function` depends on.
+      fields: names of the fields of `Joint` that `function` reads.
       function: from a type to the function of one joint.
       inputs: arrays over the joints, or `position_rows` and `velocity_rows`.
       empty: as in `apply_by_kind`.
       start: as in `apply_by_kind`.
     """
-    kinds = alike(types, *questions)
+    kinds = shared_type(types, *fields)
     functions = {int(k): function(JOINTS[int(k)]) for k in np.unique(kinds)}
     return apply_by_kind(kinds, functions, *inputs, empty=empty, start=start)
 
 
 def position_rows(model: Model, x: jax.Array, joints: np.ndarray | None = None) -> Rows:
-    """The rows of each joint in an array over `qpos`; of some joints, or of all in order."""
+    """The rows of each joint in an array over `qpos`; `joints` None stands for all, in order."""
     return _rows(x, model.jnt_qposadr, model.jnt_type, "nq", joints)
 
 
 def velocity_rows(model: Model, x: jax.Array, joints: np.ndarray | None = None) -> Rows:
-    """The rows of each joint in an array over `qvel`; of some joints, or of all in order."""
+    """The rows of each joint in an array over `qvel`; `joints` None stands for all, in order."""
     return _rows(x, model.jnt_dofadr, model.jnt_type, "nv", joints)
 
 
 def turning(types: np.ndarray) -> np.ndarray:
-    """(nv,) which motion axes of joints of these types, in this order, turn with their links."""
+    """(nv,) whether each motion axis turns with its link, for joints of these types in order."""
     return np.array([turns for t in types for turns in JOINTS[int(t)].turns], bool)
 
 

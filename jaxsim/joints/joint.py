@@ -1,4 +1,4 @@
-"""A joint type: the questions that the rest of the package asks about a joint."""
+"""`Joint`: the sizes and functions that define a joint type."""
 
 import dataclasses
 import itertools
@@ -16,43 +16,42 @@ Scalar = Float[Array, ""]
 
 @dataclasses.dataclass(frozen=True)
 class Joint:
-    """What one type of joint answers; every function is for one joint.
+    """One joint type; every function is for one joint.
 
     A joint has coordinates q (nq numbers of `qpos`) and a velocity v (nv numbers of `qvel`). Its
-    `axis` is a unit vector and its `anchor` the point that a rotation leaves in place (m), both in
-    the link's frame. Types that answer a question by the same function are computed in one group.
+    `axis` is a unit vector and its `anchor` the fixed point of rotations (m), both in the link's
+    frame. Types that share a function are computed together.
 
     Attributes:
-      name: for messages.
-      number: MuJoCo's, `mujoco.mjtJoint`.
+      name: name in messages.
+      number: MuJoCo's number, of `mujoco.mjtJoint`.
       nq: number of coordinates.
       nv: number of degrees of freedom.
-      in_world: whether the pose is the link's in the world, whatever body the model hangs it on.
-      turns: (nv,) which motion axes turn with the link; the others keep their direction in the
-        world.
-      parts: sizes of the parts of v that are vectors of their own, such as a translation and a
-        rotation. Springs feel the length of each part of a displacement, and inverse weights are
-        averaged over it.
-      turns_about_axis: whether the link turns about `axis` and about nothing else.
-      slides_along_axis: whether the link moves along `axis` and in no other direction.
-      is_angle: whether whole turns leave an actuator's length as it is, which is then an angle.
+      in_world: whether `pose` is the link's pose in the world, whatever its parent body.
+      turns: (nv,) whether each motion axis turns with the link; the others keep their direction in
+        the world.
+      parts: sizes of the vectors that make up v, such as a translation and a rotation. A spring
+        acts on the length of each of these vectors, and inverse weights are averaged over each.
+      turns_about_axis: whether the link rotates about `axis` and has no other motion.
+      slides_along_axis: whether the link translates along `axis` and has no other motion.
+      is_angle: whether the length of an actuator is an angle modulo whole turns.
 
-      pose: `(q, q0, axis, anchor)` to the pose of the link in its joint frame; a single coordinate
-        counts from `q0`, the one of the model's reference configuration.
-      motion_axes: `(mat, pos, axis, anchor)` to (nv, 6) twists per unit velocity, in world axes
-        about a reference point; `mat` is the link's orientation in the world, and `pos` its origin
-        as seen from the reference point (m).
-      integrate: `(q, v, dt)` to the coordinates after `dt` seconds at constant velocity.
-      difference: `(q1, q2)` to the velocity that leads from q1 to q2 in one second.
-      exponential_rate: `(v, theta)` to the rate of exponential coordinates theta (nv,) that the
-        velocity means, at the coordinates `integrate(q, theta, 1)` for any q.
-      transmission: `(q, gear, in_parent)` to the length of an actuator on the joint, zero where it
-        has none, and the moment (nv,), its force on the degrees of freedom; `gear` (6,) are the
-        actuator's, and `in_parent` (static) whether they are in the parent's axes.
-      limit: `(q, bounds)` to the distances of what is limited from its lower and its upper end,
-        infinite where there is no such end, and its derivative by v (nv,), for `bounds` (2,) of the
-        model.
-      clamp: `(q, bounds)` to the nearest coordinates within the limits.
+      pose: from `(q, q0, axis, anchor)`, the pose of the link in its joint frame. A scalar joint
+        moves by `q - q0`, with q0 of the model's reference configuration.
+      motion_axes: from `(mat, pos, axis, anchor)`, the (nv, 6) twists for unit velocities, in world
+        axes about a reference point. `mat` is the link's orientation in the world, and `pos` the
+        position of its origin from the reference point (m).
+      integrate: from `(q, v, dt)`, the coordinates after `dt` seconds at constant velocity.
+      difference: from `(q1, q2)`, the velocity that leads from q1 to q2 in one second.
+      exponential_rate: from `(v, theta)`, the rate of the exponential coordinates theta (nv,) for
+        velocity v at the coordinates `integrate(q, theta, 1)`; it does not depend on q.
+      transmission: from `(q, gear, in_parent)`, the length of an actuator on the joint (zero where
+        a length is not defined), and its moment (nv,), the generalised force for a unit force.
+        `gear` (6,) is in the parent's axes if `in_parent` (static), else in the link's.
+      limit: from `(q, bounds)`, the distances of the limited quantity to its lower and its upper
+        limit, infinite where there is no limit, and the derivative (nv,) of that quantity with
+        respect to v. `bounds` (2,) is the model's range.
+      clamp: from `(q, bounds)`, the nearest coordinates within the limits.
     """
 
     name: str
@@ -75,6 +74,6 @@ class Joint:
     is_angle: bool = False
 
     def deflections(self, q: Coordinates, q0: Coordinates) -> list[Float[Array, "part"]]:
-        """The parts of the displacement from q0, each of which has a spring."""
+        """The displacement from q0, split into its `parts`; a spring acts on each."""
         moved, ends = self.difference(q0, q), itertools.accumulate(self.parts)
         return [moved[end - size : end] for size, end in zip(self.parts, ends, strict=True)]

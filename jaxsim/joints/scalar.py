@@ -1,4 +1,4 @@
-"""Joints with one coordinate, whose rate is the velocity."""
+"""What hinge and slide joints share: one coordinate whose rate is the velocity."""
 
 from collections.abc import Callable
 
@@ -16,7 +16,7 @@ def scalar_joint(
     turns_about_axis: bool = False,
     slides_along_axis: bool = False,
 ) -> Joint:
-    """A type with one coordinate; arguments as in `Joint`."""
+    """A joint type with one coordinate; arguments as in `Joint`."""
     return Joint(
         name=name,
         number=number,
@@ -52,7 +52,7 @@ def _exponential_rate(v: Float[Array, "1"], theta: Float[Array, "1"]) -> Float[A
 
 
 def _transmission(q: Float[Array, "1"], gear: Float[Array, "6"], in_parent: bool):
-    """The axis is the same line in the link and in its parent."""
+    """`in_parent` makes no difference: the axis is the same in the link and in its parent."""
     moment = gear[:1]
     return moment[0] * q[0], moment
 

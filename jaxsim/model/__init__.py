@@ -1,4 +1,4 @@
-"""Models and states: what is simulated, and where it is."""
+"""`Model` and `State`: the parameters of a robot and its world, and their state."""
 
 from jaxsim.model.errors import JaxsimError, ModelError
 from jaxsim.model.model import Model, Option

@@ -1,8 +1,8 @@
-"""Links with compound joints: all joints of a body together as one.
+"""Compound joints: a tree in which all joints of a body are one joint.
 
-The links between the joints of one body have no inertia, and nothing acts on them. What needs only
-the motion axes of the degrees of freedom, as solves do, can leave them out. MuJoCo gives a body no
-more than six degrees of freedom.
+In the link tree, every joint has its own link, and those between the joints of one body have no
+inertia. Solves need only the motion axes of the degrees of freedom, so they can use the smaller
+tree without these links. A body has at most six degrees of freedom in MuJoCo.
 """
 
 import dataclasses
@@ -14,14 +14,15 @@ from jaxsim.model.topology import Forest
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Compound:
-    """A forest with fewer nodes, and how it is numbered.
+    """The tree with compound joints, and its numbering.
 
     Attributes:
-      tree: the links that remain.
-      link: (n,) number of each node among all links, tree order.
-      node: (njnt + 1,) node of each link, tree order; -1, no link, has node -1.
-      dof: (nv,) tree-order index of each degree of freedom.
-      dof_position: (nv,) the inverse.
+      tree: the forest with one node for each body that has joints.
+      link: (n,) link of each node, in the link tree's order.
+      node: (njnt + 1,) node of each link, in the link tree's order; the last entry, -1, is for link
+        -1, which stands for the world.
+      dof: (nv,) index in the link tree's order of each degree of freedom.
+      dof_position: (nv,) the inverse permutation.
     """
 
     tree: Forest
@@ -32,11 +33,11 @@ class Compound:
 
     @classmethod
     def of(cls, tree: Forest, first: np.ndarray) -> "Compound":
-        """Join joints.
+        """Merge the links of each body.
 
         Args:
-          tree: the links, one for each joint.
-          first: (njnt,) in tree order: whether the link's joint is the first one of its body.
+          tree: the link tree, with one link for each joint.
+          first: (njnt,) in tree order, whether the link's joint is the first of its body.
         """
         if first.all():
             dofs = np.arange(tree.nv)

@@ -1,7 +1,7 @@
-"""Arrays over the degrees of freedom from one order to another.
+"""Permutations of arrays over the degrees of freedom.
 
-What a user sees is in MuJoCo's order. The recursions of the dynamics want tree order, in which a
-level of the tree is a slice; the solver wants that of the tree whose nodes are bodies with joints.
+Users see MuJoCo's order. The recursions of the dynamics use tree order, in which a level of the
+tree is a slice. The solver uses the tree order of the tree with compound joints.
 """
 
 from jaxtyping import Array, Float
@@ -21,10 +21,10 @@ def from_tree_order(model: Model, x: Float[Array, "nv ..."]) -> Float[Array, "nv
 
 
 def to_compound_order(model: Model, x: Float[Array, "nv ..."]) -> Float[Array, "nv ..."]:
-    """From MuJoCo's order to that of `jaxsim.model.compound`."""
+    """From MuJoCo's order to the order of `Structure.compound`."""
     return take(x, model.structure.dof_order[model.structure.compound.dof])
 
 
 def from_compound_order(model: Model, x: Float[Array, "nv ..."]) -> Float[Array, "nv ..."]:
-    """From the order of `jaxsim.model.compound` to MuJoCo's."""
+    """From the order of `Structure.compound` to MuJoCo's."""
     return take(x, model.structure.compound.dof_position[model.structure.dof_position])

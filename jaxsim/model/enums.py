@@ -4,7 +4,7 @@ import mujoco
 
 
 def constant_name(enum: str, value: int) -> str:
-    """Name of a constant without its prefix; its number if this MuJoCo has no name for it.
+    """Name of a constant without its prefix, or "number N" if this MuJoCo has no such constant.
 
     Example:
       >>> constant_name("mjtGeom", 3)

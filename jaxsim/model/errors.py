@@ -1,35 +1,35 @@
-"""The errors that are jaxsim's own; wrong arguments are Python's ValueError and TypeError."""
+"""jaxsim's own errors; wrong arguments raise Python's ValueError and TypeError."""
 
 
 class JaxsimError(Exception):
-    """Base of all errors that are jaxsim's own.
+    """Base class of jaxsim's own errors.
 
-    Each of them derives from a builtin error too, `ModelError` from `ValueError` for instance, and
-    is made of one sentence for each thing that is wrong.
+    Each subclass derives from a builtin error, too, as `ModelError` does from `ValueError`. Its
+    arguments are one sentence for each problem.
     """
 
     summary = "{} things are wrong"
 
     @property
     def problems(self) -> tuple[str, ...]:
-        """One sentence for each thing that is wrong."""
+        """One sentence for each problem."""
         return tuple(str(problem) for problem in self.args)
 
     def __str__(self) -> str:
-        """The problem, or a list of them."""
+        """The problem, or a list of all problems."""
         if len(self.args) == 1:
             return self.problems[0]
         return "\n- ".join([self.summary.format(len(self.args)) + ":", *self.problems])
 
 
 class ModelError(JaxsimError, ValueError):
-    """A model asks for what is not supported, or its physics is invalid; the message names it."""
+    """A model uses unsupported features or has impossible physics; the message says where."""
 
     summary = "{} things in the model are wrong or not supported"
 
 
 def expect(value: object, kind: type, maker: str) -> None:
-    """Raise a TypeError unless a value is of this type of ours; it says what makes one."""
+    """Raise a TypeError unless `value` is an instance of `kind`; it refers to `maker`."""
     if not isinstance(value, kind):
         raise TypeError(
             f"expected a jaxsim.{kind.__name__}, got {type(value).__name__}; see {maker}"

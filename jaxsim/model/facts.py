@@ -1,10 +1,10 @@
-"""Facts: what is known of a model before it moves, computed once and kept with its structure.
+"""Facts: static properties of a model, computed once and cached in its structure.
 
-A fact follows from the structure, which never changes, and perhaps from the numbers of some leaves.
-Those may be replaced, mapped and differentiated, so a fact is looked up by the numbers that the
-leaves have at the moment. While one of these leaves is traced, as an argument of a jitted function
-is, there are no numbers and the fact is not known; the answer is then the one that is right for all
-numbers. So a fact never outlives a change of the model, and no derivative passes it by.
+A fact depends on the structure, which never changes, and possibly on the numbers in some leaves.
+Leaves may be replaced, mapped and differentiated, so the cache is keyed by their present numbers.
+While one of the leaves is traced, for example as an argument of a jitted function, its numbers are
+not known, and the fact has a conservative value that is right for all numbers. So a fact is never
+out of date, and never hides a dependence from differentiation.
 """
 
 import dataclasses
@@ -20,13 +20,13 @@ T = TypeVar("T")
 
 
 class Fact(Generic[T]):
-    """A function of a model that is computed again only where its answer may be another one.
+    """A cached function of a model's structure and of some of its leaves.
 
     Attributes:
-      compute: function of a model and of the leaves' numbers as NumPy arrays. Of the model itself
-        it reads the structure and `opt.disableflags` only.
+      compute: function of a model and of the numbers in the leaves as NumPy arrays. From the model
+        it reads only the structure and `opt.disableflags`.
       leaves: names of these leaves.
-      unknown: the answer where one of them is traced.
+      unknown: the value where one of the leaves is traced.
     """
 
     def __init__(self, compute: Callable[..., T], leaves: tuple[str, ...], unknown: Any):
@@ -34,7 +34,7 @@ class Fact(Generic[T]):
         functools.update_wrapper(self, compute)
 
     def __call__(self, model: Any) -> T:
-        """The fact of a `Model`; or of anything with its fields, which is not remembered."""
+        """The fact for a `Model`; not cached for another object with the same fields."""
         numbers = _numbers(model, self.leaves)
         if numbers is None:
             return self.unknown
@@ -56,11 +56,11 @@ def fact(*leaves: str, unknown: Any = None) -> Callable[[Callable[..., T]], Fact
 
 @dataclasses.dataclass(frozen=True)
 class Constants:
-    """Numbers of some leaves of a model, to be part of a program instead of its arguments.
+    """The numbers in some leaves of a model, as a hashable static argument of a jitted function.
 
-    A program that takes a model as an argument knows no facts that depend on leaves. Whoever calls
-    it with numbers can put those leaves back as constants: `Constants` can be hashed, so it says
-    which program to compile.
+    In a function that takes a model as an argument, the leaves are traced and facts that depend on
+    them are unknown. If the caller passes `Constants` as a static argument, the function can put
+    these leaves back as constants; it is compiled once for each set of numbers.
 
     Attributes:
       leaves: name, type, shape and bytes of each leaf.
@@ -70,12 +70,12 @@ class Constants:
 
     @classmethod
     def of(cls, model: Any, names: tuple[str, ...]) -> "Constants":
-        """These leaves of a model; none of them if one is traced."""
+        """The constants of a model's leaves; empty if one of them is traced."""
         pairs = zip(names, _numbers(model, names) or (), strict=False)
         return cls(tuple((name, x.dtype.str, x.shape, x.tobytes()) for name, x in pairs))
 
     def put_into(self, model: Any) -> Any:
-        """The model with the constants in place of its leaves."""
+        """The model with these leaves replaced by the constants."""
         with jax.ensure_compile_time_eval():
             values = {
                 name: jnp.asarray(np.frombuffer(data, dtype).reshape(shape))
@@ -85,7 +85,7 @@ class Constants:
 
 
 def _numbers(model: Any, names: tuple[str, ...]) -> list[np.ndarray] | None:
-    """These leaves as numbers; None if one of them is traced."""
+    """The leaves as NumPy arrays, or None if one of them is traced."""
     try:
         return [np.asarray(getattr(model, name)) for name in names]
     except jax.errors.TracerArrayConversionError:

@@ -1,7 +1,7 @@
-"""Arguments, judged once where they come in.
+"""Validation of arguments at the public functions.
 
-Shapes and types are known while a function is traced. A mistake is then an error that says what was
-expected, and a compiled program does not check anything.
+Shapes and types are known while a function is traced. A mistake raises an error then, and the
+compiled program checks nothing.
 """
 
 import dataclasses
@@ -27,23 +27,23 @@ Record = TypeVar("Record")
 def admit(
     model: Model, state: State, ctrl: Any = None, batch: Shape = ()
 ) -> tuple[Model, State, jax.Array | None]:
-    """A model, a state and controls with the shapes and the type that the physics expects.
+    """Validate a model, a state and controls, and convert them to the model's number type.
 
-    Numbers of Python and NumPy become arrays of the model's type, and so do controls of another
+    Python numbers and NumPy arrays become JAX arrays of that type, and so do controls of another
     precision.
 
     Args:
       model: the model.
       state: the state.
-      ctrl: the controls, or None.
+      ctrl: (*batch, nu) controls, or None.
       batch: leading axes of the state's arrays and of the controls.
 
     Returns:
       All three; the same objects where there is nothing to convert.
 
     Raises:
-      TypeError: one of them is something else, or has numbers of another type.
-      ValueError: an array has another shape, or the timestep is not positive.
+      TypeError: an argument is of the wrong class, or its numbers are of the wrong type.
+      ValueError: an array has the wrong shape, or the timestep is not positive.
     """
     if isinstance(model, State) and isinstance(state, Model):
         raise TypeError("the model comes first, then the state; got them the other way round")
@@ -57,7 +57,7 @@ def admit(
 
 
 def admit_model(model: Model) -> Model:
-    """The first third of `admit`."""
+    """Validate a model; as `admit`, for the model alone."""
     expect(model, Model, "jaxsim.load")
     shapes, kind = _shapes(model), _number_type(model)
     opt = _admitted(model.opt, shapes["opt"], kind, "model.opt")
@@ -71,17 +71,17 @@ def admit_model(model: Model) -> Model:
 
 
 def admit_array(model: Model, value: Any, shape: Shape, name: str) -> jax.Array:
-    """An array of the model's type; numbers of another precision are converted.
+    """Validate an array, and convert it to the model's number type.
 
     Args:
       model: the model.
       value: the array.
-      shape: its shape; None stands for any length.
-      name: what a message calls it.
+      shape: the expected shape; None stands for any length.
+      name: its name in messages.
 
     Raises:
-      TypeError: it is no array of floating-point numbers.
-      ValueError: it has another shape.
+      TypeError: it is not an array of floating-point numbers.
+      ValueError: it has the wrong shape.
     """
     array, kind = _array(value, shape, name), _number_type(model)
     if array.dtype == kind and isinstance(array, jax.Array):
@@ -92,7 +92,7 @@ def admit_array(model: Model, value: Any, shape: Shape, name: str) -> jax.Array:
 
 
 def _number_type(model: Model) -> np.dtype:
-    """The type of a model's numbers."""
+    """The dtype of a model's numbers; a TypeError if JAX cannot compute with it."""
     kind = np.dtype(jnp.result_type(model.body_pos))
     if not jnp.issubdtype(kind, jnp.floating):
         raise TypeError(f"model.body_pos must be of a floating-point type, got {kind}")
@@ -105,7 +105,7 @@ def _number_type(model: Model) -> np.dtype:
 
 
 def _admitted(record: Record, shapes: dict[str, Shape], kind: np.dtype, name: str) -> Record:
-    """A record whose fields have these shapes and this type."""
+    """The record with its fields converted to these shapes and this type."""
     changes = {}
     for field, shape in shapes.items():
         value = getattr(record, field)
@@ -116,7 +116,7 @@ def _admitted(record: Record, shapes: dict[str, Shape], kind: np.dtype, name: st
 
 
 def _converted(value: Any, shape: Shape, kind: np.dtype, name: str) -> jax.Array:
-    """Numbers of Python or NumPy as an array; an array of JAX must have the type already."""
+    """Python numbers or a NumPy array as a JAX array; a JAX array must already have the type."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         value = np.asarray(value, kind)
     array = _array(value, shape, name)
@@ -128,12 +128,12 @@ def _converted(value: Any, shape: Shape, kind: np.dtype, name: str) -> jax.Array
         )
     if isinstance(array, jax.core.Tracer):
         return jax.lax.convert_element_type(array, kind)
-    with jax.ensure_compile_time_eval():  # known numbers stay known within a traced function
+    with jax.ensure_compile_time_eval():  # else it would become a tracer in a traced function
         return jnp.asarray(array, kind)
 
 
 def _array(value: Any, shape: Shape, name: str) -> jax.Array | np.ndarray:
-    """The same value if it is an array of this shape."""
+    """Return the value if it is an array of this shape, else raise."""
     if not isinstance(value, jax.Array | np.ndarray | np.generic):
         raise TypeError(f"{name} must be an array, got {type(value).__name__}")
     fits = len(value.shape) == len(shape)
@@ -168,7 +168,7 @@ def _annotated(record: type) -> tuple[tuple[str, str], ...]:
 
 
 def _length(model: Model, axis: str) -> int:
-    """Length of an axis: a number, a size of the model, or a product of these."""
+    """Length of an axis that is annotated as a number, a size of the model, or their product."""
     sizes = {"npoly": int(mujoco.mjNPOLY)}
     return math.prod(
         int(factor) if factor.isdigit() else sizes.get(factor) or getattr(model, factor)

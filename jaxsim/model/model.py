@@ -1,8 +1,8 @@
-"""`Model`: everything about a robot and its world that does not change during a simulation.
+"""`Model`: the parameters of a robot and its world, which are constant during a simulation.
 
-Numbers are leaves, so that every physical parameter can be vmapped and differentiated; integers
-and flags are static and live in `Structure`. Both have MuJoCo's names, shapes, order and units:
-`model.body_mass` is a leaf, `model.jnt_type` is a numpy array.
+Numbers are leaves, so that every physical parameter can be vmapped and differentiated. Integers
+and flags are static and stored in `Structure`. Both have MuJoCo's names, shapes, order and units:
+`model.body_mass` is a leaf, `model.jnt_type` is a NumPy array.
 """
 
 import dataclasses
@@ -18,7 +18,7 @@ from jaxsim.model.structure import Structure
 
 @struct.dataclass
 class Option:
-    """Physics options: `mjOption`'s numbers as leaves, its integers static."""
+    """Physics options: the numbers of `mjOption` as leaves, its integers as static fields."""
 
     timestep: Float[Array, ""]
     impratio: Float[Array, ""]
@@ -52,7 +52,7 @@ class Option:
 
 @struct.dataclass
 class Statistic:
-    """The statistics of the reference configuration that the physics uses."""
+    """Statistics of the model at the reference configuration, which the physics uses."""
 
     meaninertia: Float[Array, ""]
     meanmass: Float[Array, ""]
@@ -62,17 +62,17 @@ class Statistic:
 class Model:
     """A compiled model.
 
-    Change numbers with `model.replace(body_mass=...)`, or many at once by vmapping over a model
-    with a batch axis on some leaves; call `jaxsim.set_const` afterwards if masses, sizes or
-    poses changed. Every integer field of `mjModel` that the physics uses (`nq`, `jnt_type`,
-    `geom_bodyid`, ...) is an attribute too and is static.
+    Change numbers with `model.replace(body_mass=...)`, or simulate many variants by vmapping over
+    a model with a batch axis on some leaves. Call `jaxsim.set_const` afterwards if masses, sizes
+    or poses have changed. Every integer field of `mjModel` that the physics uses (`nq`, `jnt_type`,
+    `geom_bodyid`, ...) is a static attribute, too.
 
-    What the constraint solver works on is fixed when the model is built: how it solves with its
-    Hessian (`hessian`), which law contacts follow (`contact`), and how many it keeps
-    (`max_contacts`, for each kind) of how many geom pairs (`max_geom_pairs`, for each pair of
-    shapes). These are arguments of `jaxsim.load`, and so is what Runge-Kutta averages of rotations
-    (`rotations`). Forces that are zero, such as dry friction or drag, are left out of programs;
-    `replace` notes in `present` when they may be there, see `jaxsim.model.presence`.
+    The arguments of `jaxsim.load` are fields: how the constraint solver solves with its Hessian
+    (`hessian`), the contact law (`contact`), the numbers of contact slots (`max_contacts`, for
+    each kind of contact) and of geom pairs (`max_geom_pairs`, for each pair of shapes), and how
+    Runge-Kutta averages rotations (`rotations`). Forces that are zero, such as dry friction or
+    drag, are left out of compiled programs. `present` says which may be nonzero, and `replace`
+    updates it; see `jaxsim.model.presence`.
     """
 
     structure: Structure = struct.field(pytree_node=False)
@@ -173,7 +173,7 @@ class Model:
     present: Presence = struct.field(pytree_node=False, default=NOTHING)
 
     def nonzero_rows(self, leaf: str) -> tuple[int, ...]:
-        """Rows of a leaf that may be other than zero, for a leaf of `presence.OPTIONAL_FORCES`."""
+        """Rows of a leaf in `presence.OPTIONAL_FORCES` that may be nonzero."""
         return self.present[OPTIONAL_FORCES.index(leaf)]
 
     @property
@@ -184,8 +184,8 @@ class Model:
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            # Reached only for what is not a field: the static fields of the structure. A record
-            # that is being copied or unpickled has no structure yet.
+            # Called only for names that are no fields: they are static fields of the structure.
+            # A model that is being copied or unpickled has no structure yet.
             if name.startswith("_") or "structure" not in self.__dict__:
                 raise AttributeError(name)
             return getattr(self.__dict__["structure"], name)
@@ -196,10 +196,10 @@ class Model:
 
 
 def _replace(self: Model, **updates: Any) -> Model:
-    """The model with other values of some fields."""
+    """The model with new values of some fields, and with `present` updated for them."""
     present = updates.pop("present", self.present)
     return dataclasses.replace(self, **updates, present=extended(present, self, updates))
 
 
-# Flax gives each record a `replace`; that of a model also notes which forces it may have now.
+# Overrides the `replace` that Flax gives each record.
 Model.replace = _replace

@@ -1,4 +1,4 @@
-"""Names of a model's elements, looked up both ways."""
+"""Names of a model's elements: from name to id, and from id to name."""
 
 import difflib
 from collections.abc import Callable, Mapping, Sequence
@@ -6,7 +6,7 @@ from typing import Any
 
 import mujoco
 
-# Kinds of elements, and how MuJoCo calls the addresses of their names.
+# Kinds of elements, and their part of the field `name_*adr` in MuJoCo's model.
 KINDS = {
     "body": "body",
     "joint": "jnt",
@@ -21,7 +21,7 @@ KINDS = {
     "sensor": "sensor",
     "key": "key",
 }
-_DEEPEST = 3  # so many elements say where one without a name belongs
+_DEEPEST = 3  # most elements in the label of an element without a name
 
 Label = Callable[[str, int], str]
 Element = tuple[str, int]
@@ -56,7 +56,7 @@ class Names:
         return cls(names, _owners(mj))
 
     def of(self, kind: str) -> tuple[str, ...]:
-        """All names of a kind in the order of their ids; unnamed elements are empty strings.
+        """All names of a kind in the order of ids; an empty string for an unnamed element.
 
         Raises:
           KeyError: the kind does not exist.
@@ -96,9 +96,11 @@ class Names:
         return names[index]
 
     def label(self, kind: str, index: int) -> str:
-        """How a message refers to an element: its kind with its name.
+        """An element in a message: its kind and name, or its number and the element it is part of.
 
-        Without a name it is its number, and what it belongs to.
+        Example:
+          >>> model.names.label("geom", 7)
+          "geom number 7 of body 'foot'"
         """
         parts = []
         element: Element | None = (kind, index)
@@ -111,7 +113,7 @@ class Names:
 
 
 def _decoded(names: bytes, start: int) -> str:
-    """The name at an address; what is not UTF-8 is Latin-1, in which every byte is a letter."""
+    """The name at an address, in UTF-8 or else in Latin-1, in which every byte is a letter."""
     raw = names[start : names.index(b"\0", start)]
     try:
         return raw.decode("utf-8")
@@ -120,7 +122,7 @@ def _decoded(names: bytes, start: int) -> str:
 
 
 def _owners(mj: mujoco.MjModel) -> dict[str, list[Element | None]]:
-    """What each element belongs to or acts on."""
+    """For each kind, the element to which each element belongs or on which it acts."""
     bodies = {"body": mj.body_parentid, "joint": mj.jnt_bodyid, "geom": mj.geom_bodyid}
     bodies |= {"site": mj.site_bodyid, "camera": mj.cam_bodyid}
     owners: dict[str, list[Any]] = {
@@ -152,7 +154,7 @@ _OBJECTS = {
         "ACTUATOR": "actuator",
     }.items()
 }
-# Equalities of these types leave the type of their objects open.
+# Types of equalities for which `eq_objtype` does not say what their objects are.
 _EQUALITIES = {
     int(getattr(mujoco.mjtEq, f"mjEQ_{name}")): int(getattr(mujoco.mjtObj, f"mjOBJ_{name}"))
     for name in ("JOINT", "TENDON")

@@ -1,8 +1,8 @@
-"""Which forces a model has: programs leave out what is zero.
+"""Which optional forces of a model may be nonzero; compiled programs leave out the others.
 
-A leaf counts as zero row by row. What it is when the model is built, and all that `Model.replace`
-puts in its place later, decides; a traced leaf may be anything. So a force that was zero at first
-takes effect when its number is replaced, mapped or differentiated.
+This is decided for each row of a leaf. A row may be nonzero if it was so in the loaded model or in
+any value that `Model.replace` has put in its place; all rows of a traced leaf may be nonzero. So a
+force that was zero at first takes effect when its number is replaced, mapped or differentiated.
 """
 
 from collections.abc import Iterable
@@ -11,7 +11,7 @@ from typing import Any
 import jax
 import numpy as np
 
-# Leaves of the model and, after a dot, of its options; their axes by the sizes of a model.
+# Leaves of the model, or of its options (`opt.`), and the axes of each.
 _AXES = {
     "opt.density": (),
     "opt.viscosity": (),
@@ -26,18 +26,18 @@ _AXES = {
 OPTIONAL_FORCES = tuple(_AXES)
 
 Presence = tuple[tuple[int, ...], ...]
-"""For each of `OPTIONAL_FORCES` the rows that may be other than zero."""
+"""For each leaf in `OPTIONAL_FORCES`, the rows that may be nonzero."""
 
 NOTHING: Presence = ((),) * len(OPTIONAL_FORCES)
 
 
 def extended(present: Presence, model: Any, updates: dict[str, Any]) -> Presence:
-    """The presence after some fields of a model have got other values.
+    """The presence after new values have been assigned to some fields of a model.
 
     Args:
       present: the presence before.
       model: the model before.
-      updates: new values by the names of fields.
+      updates: the new values, by field name.
     """
     rows = []
     for (name, axes), before in zip(_AXES.items(), present, strict=True):
@@ -50,9 +50,9 @@ def extended(present: Presence, model: Any, updates: dict[str, Any]) -> Presence
 
 
 def _nonzero_rows(value: Any, count: int, ndim: int) -> Iterable[int]:
-    """Rows of a new value that may be other than zero; none if there is no new value.
+    """Rows of a new value that may be nonzero; none if the value is None.
 
-    All of a traced leaf, of a leaf with a batch axis, and of one that is an axis for `jax.vmap`.
+    All rows of a value that is traced, has a batch axis, or is an entry of an `in_axes` tree.
     """
     if value is None:
         return ()

@@ -1,4 +1,4 @@
-"""What is wrong with a model, as a list of sentences."""
+"""Problems of a model, and the `ModelError` that lists them."""
 
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -7,23 +7,23 @@ import numpy as np
 
 from jaxsim.model.errors import ModelError
 
-_NAMED = 3  # so many elements with the same problem are named
+_NAMED = 3  # most elements with the same problem that a message names
 
 
 class Problem(NamedTuple):
-    """An element of the model, or "" for the whole of it, and what is wrong with it."""
+    """One problem: `who` is the label of an element, or "" for the whole model."""
 
     who: str
     what: str
 
 
 def rows(wrong: np.ndarray) -> list[int]:
-    """Which entries of a field are wrong, in any of their numbers."""
+    """Rows of a boolean array that are true anywhere."""
     return np.nonzero(wrong.any(axis=tuple(range(1, wrong.ndim))))[0].tolist()
 
 
 def raise_problems(problems: Iterable[Problem]) -> None:
-    """Raise one `ModelError` if there are any; those that differ in the element only are one."""
+    """Raise a `ModelError` if there are problems; equal problems of several elements are merged."""
     elements: dict[str, list[str]] = {}
     for problem in problems:
         elements.setdefault(problem.what, []).append(problem.who)

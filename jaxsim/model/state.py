@@ -1,4 +1,4 @@
-"""`State`: what an environment carries from one step to the next."""
+"""`State`: the variables that a step takes and returns."""
 
 import jax
 import jax.numpy as jnp
@@ -14,22 +14,22 @@ from jaxsim.model.model import Model
 class State:
     """The state of one environment; layout and signs are MuJoCo's.
 
-    Nothing that can be recomputed is in here except `qacc_warmstart`, from which the next
+    It contains nothing that can be recomputed, except `qacc_warmstart`, from which the next
     constraint solve starts.
 
     Attributes:
-      qpos: positions; quaternions are wxyz.
+      qpos: positions; quaternions are (w, x, y, z).
       qvel: velocities, in the tangent space of `qpos`.
-      act: activations of actuators that have dynamics.
-      time: seconds.
+      act: activations of actuators with dynamics.
+      time: time in seconds.
       qacc_warmstart: acceleration of the last step.
       xfrc_applied: external (force, torque) on each body at its centre of mass, world axes.
       qfrc_applied: external generalised forces.
       mocap_pos: positions of the mocap bodies.
       mocap_quat: orientations of the mocap bodies; normalised when used.
-      time_excess: by how much `time`, which is rounded up, is more than the exact time. Steps keep
-        it, so that a float32 time neither drifts nor stands still. Zero if it is not given or has
-        another shape than `time`.
+      time_excess: `time`, which is rounded up, minus the exact time. Steps maintain it, so that a
+        float32 time neither drifts nor stops. Zero if it is not given, or if its shape differs
+        from that of `time`.
     """
 
     qpos: Float[Array, "nq"]
@@ -44,7 +44,7 @@ class State:
     time_excess: Float[Array, ""] = None  # type: ignore[assignment]
 
     def __post_init__(self):
-        # Trees of axes, types and nothing have the class of states as well.
+        # JAX also builds states whose fields are axes, types or None.
         if isinstance(self.time, jax.Array | np.ndarray | float):
             excess = self.time_excess
             if excess is None or np.shape(excess) != np.shape(self.time):
@@ -64,7 +64,7 @@ def make_state(model: Model, keyframe: int | str | None = None) -> State:
     Raises:
       KeyError: no keyframe has this name.
       IndexError: there is no keyframe with this index.
-      TypeError: the model is something else, or the keyframe neither an index nor a name.
+      TypeError: the model is not a `Model`, or the keyframe is neither an index nor a name.
     """
     expect(model, Model, "jaxsim.load")
     dtype = model.qpos0.dtype

@@ -39,12 +39,13 @@ ARRAYS = (
 class Structure:
     """Sizes, types, addresses, flags and names of a model, immutable and hashable.
 
-    Every field has MuJoCo's name and value, but for `wrap_sideid`, the side site of each surface
-    that a tendon wraps around (-1: none), and `geom_opaque`, which geoms are not transparent;
-    arrays are read-only numpy arrays. The link tree (`tree`) and the body tree (`body_tree`) are
-    derived from them, and so are facts that other packages declare (see `jaxsim.model.facts`),
-    which are kept in `facts`. The compiled `source` is kept for drawing, for rays against its
-    meshes and for the way back to MuJoCo; of it only a digest of the meshes is compared.
+    Fields have MuJoCo's names and values; arrays are read-only NumPy arrays. Fields of our own are
+    the tables of hulls and height fields (`jaxsim.io.hulls`, `jaxsim.io.fields`), `wrap_sideid`,
+    the side site of each surface that a tendon wraps around (-1: none), and `geom_opaque`, whether
+    each geom is opaque. The link tree (`tree`) and the body tree (`body_tree`) are derived from the
+    fields. `facts` caches the facts that other packages declare (see `jaxsim.model.facts`). The
+    compiled `source` is used for drawing, for rays against its meshes and by `to_mujoco`. It does
+    not take part in comparisons, except that a digest of its meshes is a field.
     """
 
     def __init__(
@@ -87,26 +88,26 @@ class Structure:
 
     @functools.cached_property
     def tree(self) -> Forest:
-        """The links: one per joint; kind is the joint's type."""
+        """The link tree: one link for each joint; a node's kind is the type of its joint."""
         ndof = np.bincount(self.dof_jntid, minlength=self.njnt)
         return Forest(self._link_parent(), np.asarray(self.jnt_type, int), ndof)
 
     @functools.cached_property
     def body_tree(self) -> Forest:
-        """All bodies under the world, which is its root."""
+        """The tree of all bodies; the world is its root."""
         parent = np.asarray(self.body_parentid, int).copy()
         parent[0] = -1
         return Forest(parent)
 
     @functools.cached_property
     def mocap_bodies(self) -> np.ndarray:
-        """(nmocap,) the bodies that a user moves."""
+        """(nmocap,) mocap bodies, in the order of `mocap_pos`."""
         bodies = np.flatnonzero(self.body_mocapid >= 0)
         return bodies[np.argsort(self.body_mocapid[bodies])]
 
     @functools.cached_property
     def weld_tree(self) -> Forest:
-        """Bodies cut at joints and mocap bodies: what is left moves rigidly with its root."""
+        """The body tree cut at jointed and mocap bodies: each tree of this forest is rigid."""
         parent = np.asarray(self.body_parentid, int).copy()
         parent[(self.body_jntnum > 0) | (self.body_mocapid >= 0)] = -1
         parent[0] = -1
@@ -114,13 +115,13 @@ class Structure:
 
     @functools.cached_property
     def body_carrier(self) -> np.ndarray:
-        """(nbody,) the body at the root of each body's weld: jointed, mocap or the world."""
+        """(nbody,) jointed or mocap body, or the world, at the root of each body's weld tree."""
         forest = self.weld_tree
         return forest.order[forest.root[forest.position]]
 
     @functools.cached_property
     def body_link(self) -> np.ndarray:
-        """(nbody,) link (in tree order) that carries each body; -1: world or mocap."""
+        """(nbody,) link, in tree order, that carries each body; -1 for the world or mocap."""
         carrier = self.body_carrier
         last = self.body_jntadr[carrier] + self.body_jntnum[carrier] - 1
         moving = self.body_jntnum[carrier] > 0
@@ -130,7 +131,7 @@ class Structure:
 
     @functools.cached_property
     def link_first(self) -> np.ndarray:
-        """(njnt,) in tree order: whether the link's joint is the first one of its body."""
+        """(njnt,) in tree order, whether the link's joint is the first of its body."""
         joints = self.tree.order
         return np.asarray(self.body_jntadr[self.jnt_bodyid[joints]] == joints)
 
@@ -143,16 +144,16 @@ class Structure:
 
     @functools.cached_property
     def dof_position(self) -> np.ndarray:
-        """(nv,) tree-order index of each of MuJoCo's degrees of freedom."""
+        """(nv,) index in tree order of each degree of freedom in MuJoCo's order."""
         return np.argsort(self.dof_order)
 
     @functools.cached_property
     def compound(self) -> Compound:
-        """The links again, where the joints of a body make one."""
+        """The link tree with all joints of a body merged into one."""
         return Compound.of(self.tree, self.link_first)
 
     def _link_parent(self) -> np.ndarray:
-        """(njnt,) joint that carries each joint, -1 at the root of a tree."""
+        """(njnt,) parent joint of each joint, -1 at the root of a tree."""
         parent = np.full(self.njnt, -1, int)
         carrier = self.body_carrier
         for j in range(self.njnt):

@@ -1,8 +1,8 @@
-"""Forests in breadth-first order: the shape over which every recursion of the dynamics walks.
+"""Forests in breadth-first order, over which the recursions of the dynamics run.
 
-A `Forest` knows parents, kinds and numbers of degrees of freedom and nothing else. Nodes are
-renumbered so that a depth level is a contiguous slice, and inside a level the nodes of one kind
-are contiguous too. Each array that a walk consumes is therefore sliced, never gathered.
+A `Forest` stores parents, kinds and numbers of degrees of freedom. Nodes are renumbered so that a
+depth level is a contiguous slice, and within a level the nodes of one kind are contiguous, too.
+A recursion can therefore slice its arrays and needs no gathers.
 """
 
 import dataclasses
@@ -15,7 +15,7 @@ from jaxsim.arrays import tuning
 
 @dataclasses.dataclass(frozen=True)
 class Group:
-    """Nodes of one level and one kind: `nodes` and `dofs` are slices inside the level."""
+    """Nodes of one level and one kind; `nodes` and `dofs` are slices within the level."""
 
     kind: int
     nodes: slice
@@ -28,9 +28,9 @@ class Level:
     """All nodes of one depth.
 
     Attributes:
-      nodes: slice of the level in the node order.
-      dofs: slice of the level in the dof order.
-      parents: for each node its parent's position inside the previous level (roots: their own).
+      nodes: slice of the level in the order of nodes.
+      dofs: slice of the level in the order of degrees of freedom.
+      parents: index of each node's parent within the previous level; a root's own index.
       groups: the nodes by kind.
     """
 
@@ -56,7 +56,7 @@ class Level:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Run:
-    """Consecutive levels `start:stop`; more than one level means that they all repeat."""
+    """Consecutive levels `start:stop`; if there are several, they are all equal."""
 
     start: int
     stop: int
@@ -67,13 +67,13 @@ class Forest:
 
     Attributes:
       order: (n,) original index of each node.
-      position: (n,) node of each original index.
-      parent: (n,) node of the parent; -1 for a root.
-      root: (n,) number of the tree, that is the position of its root in the first level.
+      position: (n,) node at each original index, the inverse permutation.
+      parent: (n,) parent node; -1 for a root.
+      root: (n,) index of the node's tree, that is of its root in the first level.
       ndof: (n,) degrees of freedom of each node.
       dof_node: (nv,) node of each degree of freedom.
       levels: the levels, roots first.
-      runs: the levels again, grouped into scannable runs.
+      runs: the levels, grouped into runs for `lax.scan`.
     """
 
     def __init__(self, parent, kind=None, ndof=None):
@@ -126,7 +126,7 @@ class Forest:
             lo, hi = ids[0], ids[-1] + 1
             dof_lo = self.dof_start[lo]
             dof_hi = dof_lo + self.ndof[lo:hi].sum()
-            # A root's parent is whatever the walk puts under it, one for each root.
+            # The recursion supplies one parent value for each root.
             parents = np.arange(hi - lo)
             if levels:
                 parents = self.parent[lo:hi] - levels[-1].nodes.start
@@ -147,7 +147,7 @@ class Forest:
 
     @functools.cached_property
     def ancestor(self) -> np.ndarray:
-        """(n, n) bool: [i, j] is True if j is i or an ancestor of i."""
+        """(n, n) bool: [i, j] says whether j is i or an ancestor of i."""
         result = np.eye(len(self), dtype=bool)
         for i in range(len(self)):
             if self.parent[i] >= 0:
@@ -156,7 +156,7 @@ class Forest:
 
     @functools.cached_property
     def moves(self) -> np.ndarray:
-        """(n + 1, nv) bool: [i, k] is True if dof k moves node i; the last row is the world's."""
+        """(n + 1, nv) bool: [i, k] says whether dof k moves node i; the last row is the world's."""
         rows = self.ancestor[:, self.dof_node]
         return np.concatenate([rows, np.zeros((1, self.nv), bool)])
 
@@ -174,25 +174,25 @@ def _parents_first(parent: np.ndarray) -> list[int]:
 
 
 def _breadth_first(parent: np.ndarray, kind: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """Order by depth, then kind, then the parent's place, then the original index."""
+    """Order by depth, then kind, then the parent's position, then the original index."""
     order: list[int] = []
-    place = np.zeros(len(parent), int)
+    position = np.zeros(len(parent), int)
     for d in range(depth.max(initial=-1) + 1):
         ids = np.nonzero(depth == d)[0].tolist()
-        ids.sort(key=lambda i: (kind[i], place[parent[i]] if parent[i] >= 0 else 0, i))
-        place[ids] = np.arange(len(order), len(order) + len(ids))
+        ids.sort(key=lambda i: (kind[i], position[parent[i]] if parent[i] >= 0 else 0, i))
+        position[ids] = np.arange(len(order), len(order) + len(ids))
         order += ids
     return np.asarray(order, int)
 
 
 def _runs(levels: tuple[Level, ...]) -> tuple[Run, ...]:
-    """Group levels: maximal runs of equal levels if long enough for a scan, else one by one."""
+    """Group equal consecutive levels into runs if these are long enough for a scan."""
     runs: list[Run] = []
     start = 0
     while start < len(levels):
         stop = start + 1
-        # The carry of the scan is the level before it, which must therefore have the same width;
-        # under the roots it is whatever the walk puts there, one for each of them.
+        # The carry of a scan is the previous level, which must therefore have the same width. For
+        # the first level the recursion supplies one value for each root.
         if start == 0 or levels[start - 1].size == levels[start].size:
             while stop < len(levels) and levels[stop].repeats(levels[start]):
                 stop += 1

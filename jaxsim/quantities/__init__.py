@@ -1,1 +1,1 @@
-"""What one reads off a moving tree: energy, momentum, wrenches and accelerations of bodies."""
+"""Derived quantities: energy, momentum, wrenches and accelerations of bodies, rays."""

@@ -19,12 +19,12 @@ from jaxsim.spatial import Inertia, cross_force, wrench_from
 
 
 def tree_com(model: Model, kin: Kinematics) -> Float[Array, "nbody 3"]:
-    """The point that each body's com-based quantities refer to (m)."""
+    """Reference point of each body's com-based quantities, its tree's centre of mass (m)."""
     return take(kin.subtree_com, model.body_rootid)
 
 
 def body_inertias(model: Model, kin: Kinematics) -> Inertia:
-    """Inertias of all bodies about `tree_com`; that of the world is zero."""
+    """Inertias of all bodies about `tree_com`; zero for the world."""
 
     def one(mass, offset, moments, R):
         return Inertia.from_com(mass, offset, (R * moments[None]) @ R.T)
@@ -42,8 +42,8 @@ def cinert(model: Model, kin: Kinematics) -> Float[Array, "nbody 10"]:
       kin: its kinematics.
 
     Returns:
-      Per body `(Ixx, Iyy, Izz, Ixy, Ixz, Iyz)` about `tree_com` (kg m^2), the mass times the
-      centre of mass relative to it (kg m), and the mass (kg).
+      For each body `(Ixx, Iyy, Izz, Ixy, Ixz, Iyz)` about `tree_com` (kg m^2), the mass times the
+      position of the centre of mass from `tree_com` (kg m), and the mass (kg).
     """
     inertia = body_inertias(model, kin)
     entries = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -59,9 +59,9 @@ def cvel(model: Model, kin: Kinematics, vel: Velocities) -> Float[Array, "nbody 
 def cacc(
     model: Model, kin: Kinematics, vel: Velocities, qacc: Float[Array, "nv"]
 ) -> Float[Array, "nbody 6"]:
-    """Spatial accelerations of all bodies relative to free fall, about `tree_com`.
+    """Spatial accelerations of all bodies minus gravity, about `tree_com`.
 
-    What does not move, the world included, accelerates against gravity: `(0, -g)`.
+    Bodies at rest, such as the world, have `(0, -g)`.
 
     Args:
       model: the model.
@@ -70,8 +70,8 @@ def cacc(
       qacc: accelerations of the degrees of freedom.
 
     Returns:
-      `(alpha, a)` in rad/s^2 and m/s^2, where `a` is the rate of `v` at the point of space that
-      is `tree_com` now, not the acceleration of a point of the body.
+      `(alpha, a)` in rad/s^2 and m/s^2; `a` is the rate of the velocity at the point `tree_com`,
+      taken as fixed in space, not the acceleration of a point of the body.
     """
     links = link_accelerations(model, kin, vel, qacc)
     moving = body_twists(model, kin, links, tree_com(model, kin))
@@ -105,9 +105,9 @@ def cfrc_int(
 ) -> Float[Array, "nbody 6"]:
     """Wrenches that bodies receive from their parents, about `tree_com`.
 
-    Newton-Euler for the subtree below each joint: its rate of momentum, less what acts on it
-    from outside (Featherstone 2008, eq. 5.20). It has a part along the joint's free directions:
-    actuators, springs and limits act there.
+    By the Newton-Euler equation it is the rate of momentum of the subtree minus the external
+    wrenches on it (Featherstone 2008, eq. 5.20). It includes the forces along the joint's degrees
+    of freedom, from actuators, springs and limits.
 
     Args:
       model: the model.

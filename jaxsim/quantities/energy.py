@@ -1,7 +1,7 @@
-"""Energy: kinetic, and the potential of gravity and springs.
+"""Kinetic energy, and potential energy of gravity and springs.
 
-The potential is MuJoCo's `mj_energyPos`: gravity on the bodies' masses (without gravity
-compensation, which does work as a force), springs of joints and springs of tendons.
+Potential energy is that of MuJoCo's `mj_energyPos`: gravity on the bodies (without gravity
+compensation, which counts as a force), springs of joints and springs of tendons.
 """
 
 import jax
@@ -24,13 +24,13 @@ _SPRING_OFF = mujoco.mjtDisableBit.mjDSBL_SPRING
 def kinetic_energy(
     model: Model, kin: Kinematics, vel: Velocities, qvel: Float[Array, "nv"]
 ) -> Float[Array, ""]:
-    """`qvel . M qvel / 2` in joules, armature included, as a sum over the links."""
+    """`qvel . M qvel / 2` in joules, armature included, computed as a sum over the links."""
     links = jax.vmap(lambda inertia, v: inertia.kinetic_energy(v))(kin.inertia, vel.cvel)
     return links.sum() + 0.5 * (dof_armature(model) * qvel**2).sum()
 
 
 def potential_energy(model: Model, kin: Kinematics, qpos: Float[Array, "nq"]) -> Float[Array, ""]:
-    """Potential energy in joules of gravity and of the springs that the options leave on.
+    """Potential energy of gravity and, unless springs are disabled, of springs (J).
 
     Args:
       model: the model.
@@ -44,14 +44,14 @@ def potential_energy(model: Model, kin: Kinematics, qpos: Float[Array, "nq"]) ->
 
 
 def gravity_energy(model: Model, kin: Kinematics) -> Float[Array, ""]:
-    """`-sum_i m_i gravity . xipos_i` over all bodies, welded ones included."""
+    """`-sum_i m_i gravity . xipos_i` over all bodies except the world (J)."""
     return -(model.body_mass[1:] * (kin.xipos[1:] @ gravity(model))).sum()
 
 
 def joint_spring_energy(model: Model, qpos: Float[Array, "nq"]) -> Float[Array, ""]:
-    """Energy of the springs that pull the joints to `qpos_spring`.
+    """Energy of the joints' springs (J).
 
-    A ball joint is deflected by an angle; a free joint by a distance and by an angle.
+    The displacement of a ball joint is an angle, that of a free joint a distance and an angle.
     """
 
     def energy(joint: Joint):
@@ -70,7 +70,7 @@ def joint_spring_energy(model: Model, qpos: Float[Array, "nq"]) -> Float[Array, 
 
 
 def tendon_spring_energy(model: Model, kin: Kinematics) -> Float[Array, ""]:
-    """Energy of the tendons' springs, which are slack inside `tendon_lengthspring`."""
+    """Energy of the tendons' springs, which are slack within `tendon_lengthspring` (J)."""
     length = kin.ten_length
     low, high = model.tendon_lengthspring.T
     x = length - jnp.clip(length, low, high)

@@ -15,16 +15,16 @@ from jaxsim.spatial import wrench_from
 
 
 def center_of_mass(kin: Kinematics) -> Float[Array, "3"]:
-    """Centre of mass of everything, bodies that never move included (m)."""
+    """Centre of mass of all bodies, including those that never move (m)."""
     return kin.subtree_com[0]
 
 
 def centroidal_momentum_matrix(model: Model, kin: Kinematics) -> Float[Array, "6 nv"]:
-    """A with `(angular, linear) = A qvel`, the momentum about the centre of mass.
+    """Centroidal momentum matrix A: `A qvel` is the momentum (angular, linear) about the com.
 
-    Column j is the momentum of j's subtree when joint j alone moves at unit speed (Orin, Goswami
-    and Lee, Centroidal dynamics of a humanoid robot, 2013). Armature, being no mass that moves
-    through space, does not take part.
+    Column j is the momentum of j's subtree when only degree of freedom j moves, at unit speed
+    (Orin, Goswami and Lee, Centroidal dynamics of a humanoid robot, 2013). Armature does not
+    contribute.
 
     Args:
       model: the model.
@@ -40,7 +40,7 @@ def centroidal_momentum_matrix(model: Model, kin: Kinematics) -> Float[Array, "6
 def centroidal_momentum(model: Model, kin: Kinematics, vel: Velocities) -> Float[Array, "6"]:
     """Momentum `(angular, linear)` about the centre of mass, world axes (N m s, N s).
 
-    Without external forces the linear part is conserved, and so is the angular part.
+    Both parts are conserved without external forces.
     """
     tree = model.tree
     momentum = jax.vmap(lambda inertia, v: inertia.apply(v))(kin.inertia, vel.cvel)
@@ -53,9 +53,9 @@ def subtree_velocities(
 ) -> tuple[Float[Array, "nbody 3"], Float[Array, "nbody 3"]]:
     """Velocity of each subtree's centre of mass, and its angular momentum about that point.
 
-    The same as MuJoCo's `mj_subtreeVel`: `subtree_linvel` (m/s) and `subtree_angmom` (N m s).
-    Momenta are handed from centre of mass to centre of mass, so that bodies far from each other
-    or from the world's origin cost no accuracy.
+    As MuJoCo's `mj_subtreeVel`: `subtree_linvel` (m/s) and `subtree_angmom` (N m s). Angular
+    momenta are moved from one centre of mass to the next, so that large distances between bodies
+    or to the world's origin cost no accuracy.
     """
     forest = model.structure.body_tree
     angular, linear = _body_momenta(model, kin, vel)

@@ -1,4 +1,4 @@
-"""`ray`: what a ray from a point meets first."""
+"""`ray`: the first geom on a ray."""
 
 from collections.abc import Sequence
 
@@ -22,27 +22,27 @@ def ray(
     flg_static: bool = True,
     bodyexclude: int = -1,
 ) -> RayHit:
-    """Distance to the first geom on a ray, which geom it is and its normal: MuJoCo's `mj_ray`.
+    """Distance, geom and normal at the first intersection of a ray, as MuJoCo's `mj_ray`.
 
-    All geoms are tried, the triangles of meshes one by one. For many rays map over `origin` and
-    `direction` alone: the poses of the geoms are then computed once. The distance is differentiable
-    with respect to the ray, the state and the model; which feature is hit is held fixed.
+    All geoms are tested, and all triangles of meshes. For many rays, use `vmap` over `origin` and
+    `direction` only: the poses of the geoms are then computed once. The distance is differentiable
+    with respect to the ray, the state and the model, with the hit feature held fixed.
 
     Args:
       model: the model.
       state: the state.
-      origin: where the ray starts, world coordinates (m).
-      direction: where it goes; distances are in units of its length.
-      geomgroup: for each of MuJoCo's six groups, whether its geoms are seen; None for all.
-      flg_static: whether geoms that are fixed to the world are seen.
-      bodyexclude: a body whose geoms are not seen; -1 for none.
+      origin: start of the ray, world coordinates (m).
+      direction: direction of the ray; the distance is in units of its length.
+      geomgroup: for each of MuJoCo's six groups, whether rays hit its geoms; None for all.
+      flg_static: whether rays hit geoms that are fixed to the world.
+      bodyexclude: body whose geoms are ignored; -1 for none.
 
     Returns:
-      Distance and geom, -1 where nothing is hit, and the unit normal there.
+      Distance and geom, both -1 if nothing is hit, and the unit normal there.
 
     Raises:
-      ModelError: a visible geom is of a type that rays cannot meet.
-      TypeError: an argument, or the numbers in an array, are of the wrong type.
+      ModelError: rays do not support the type of a visible geom.
+      TypeError: an argument is of the wrong class, or its numbers are of the wrong type.
       ValueError: an array has the wrong shape.
     """
     model, state, _ = admit(model, state)

@@ -100,7 +100,7 @@ class Inertia:
         return jnp.concatenate([top, jnp.concatenate([-h, linear], axis=1)])
 
     def __add__(self, other: "Inertia") -> "Inertia":
-        """Inertia of two bodies moving as one, both in the same frame."""
+        """Inertia of two bodies that are rigidly connected, both in the same frame."""
         return Inertia(
             mass=self.mass + other.mass,
             first_moment=self.first_moment + other.first_moment,
@@ -108,7 +108,7 @@ class Inertia:
         )
 
     def rotate(self, quat: Float[Array, "4"]) -> "Inertia":
-        """The same body in other axes at the same origin: from the axes of B to A by ``q_AB``."""
+        """The inertia about the same origin, from the axes of B to those of A by ``q_AB``."""
         R = quat_to_matrix(quat)
         return self.replace(
             first_moment=quat_rotate(quat, self.first_moment),
@@ -116,10 +116,10 @@ class Inertia:
         )
 
     def shift(self, p: Float[Array, "3"]) -> "Inertia":
-        """The same body about another point, in the same axes.
+        """The inertia about another origin, in the same axes.
 
         Args:
-            p: the present origin seen from the new one, so that the centre of mass becomes
+            p: position of the present origin from the new one (m); the centre of mass becomes
                 ``com + p``.
         """
         h = self.first_moment
@@ -128,15 +128,15 @@ class Inertia:
         return self.replace(first_moment=h + self.mass * p, rotational=rotational)
 
     def transform(self, X: Pose) -> "Inertia":
-        """The same body in another frame: from B to A by ``X_AB``, ``Ad^-T G Ad^-1``."""
+        """The inertia in another frame, from B to A by ``X_AB``: ``Ad^-T G Ad^-1``."""
         return self.rotate(X.quat).shift(X.pos)
 
     def violations(self, tolerance: float = 1e-6) -> tuple[str, ...]:
-        """What makes this inertia impossible for a real body; empty if it is possible.
+        """Reasons why no real body has this inertia; empty if it is physically consistent.
 
-        The mass is positive, the rotational inertia about the centre of mass is symmetric and
-        positive semidefinite, and its principal moments obey the triangle inequality. For the
-        host, while a model is built; not inside jit.
+        A consistent inertia has a positive mass, and its rotational inertia about the centre of
+        mass is symmetric and positive semidefinite with principal moments that satisfy the triangle
+        inequality. Runs on the host, not inside jit.
 
         Args:
             tolerance: allowed violation relative to the largest moment.
@@ -146,7 +146,8 @@ class Inertia:
         matrix = np.asarray(self.rotational_at_com, dtype=np.float64)
         if not np.isfinite(matrix).all():
             return ("the rotational inertia or the centre of mass is not finite",)
-        # Moving to the centre of mass leaves the rounding of the larger moment at the origin.
+        # The shift to the centre of mass keeps the rounding error of the larger moment at the
+        # origin.
         rounding = 4 * float(jnp.finfo(self.rotational.dtype).eps)
         slack = tolerance * np.abs(matrix).max() + rounding * np.abs(self.rotational).max()
         if np.abs(matrix - matrix.T).max() > slack:

@@ -14,7 +14,7 @@ from jaxsim.spatial.twist import cross_force
 def newton_euler_wrench(
     inertia: Inertia, V: Float[Array, "6"], dV: Float[Array, "6"]
 ) -> Float[Array, "6"]:
-    """Wrench that a motion needs, ``F = G dV - ad(V)^T G V`` (Lynch and Park, eq. 8.40).
+    """Wrench that produces a motion, ``F = G dV - ad(V)^T G V`` (Lynch and Park, eq. 8.40).
 
     Args:
         inertia: ``G`` in the body's frame.

@@ -101,7 +101,7 @@ def se3_log(X: Pose) -> Float[Array, "6"]:
 
 
 def _check_displacement(T: np.ndarray) -> None:
-    """Raise unless a matrix known on the host is a rotation and a translation."""
+    """Raise a ValueError unless a NumPy matrix is a rotation and a translation."""
     if not np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-4):
         raise ValueError("the upper left 3x3 block of a pose's matrix must be orthogonal")
     if np.linalg.det(T[:3, :3]) < 0:

@@ -3,7 +3,7 @@
 A quaternion is an array ``(w, x, y, z)``. ``q_AB`` turns the components of a vector in frame
 B into its components in frame A, and products compose as ``q_AC = q_AB q_BC``. ``q`` and
 ``-q`` are the same rotation. Functions other than :func:`quat_normalize` and
-:func:`quat_log` take the norm to be one and do not check it.
+:func:`quat_log` assume that the norm is one and do not check it.
 
 Values and derivatives are finite at the identity, at half a turn, and for the zero
 quaternion where :func:`quat_normalize` and :func:`quat_log` accept it.
@@ -133,7 +133,7 @@ def quat_to_matrix(q: Float[Array, "4"]) -> Float[Array, "3 3"]:
         [2 * (x * y + w * z), ww - xx + yy - zz, 2 * (y * z - w * x)],
         [2 * (x * z - w * y), 2 * (y * z + w * x), ww - xx - yy + zz],
     ]
-    # Row by row: XLA fuses a concatenation of three, while nine entries would be computed apart.
+    # Row by row: XLA fuses a concatenation of three rows, but not one of nine entries.
     return jnp.stack([jnp.stack(row) for row in rows])
 
 

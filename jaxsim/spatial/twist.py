@@ -1,12 +1,12 @@
-"""Twists and wrenches: how they change frame, differentiate, and pair to power.
+"""Twists and wrenches: changes of frame, cross products and power.
 
-A twist ``V = (omega, v)`` is the velocity of a body; a wrench ``F = (torque, force)`` is what
-acts on it. Both refer to a frame: ``v`` is the velocity of the point of the body that is at
-the frame's origin, and the torque is taken about that origin. The *body* twist of B refers to
-B itself, the *spatial* twist to the frame in which B moves.
+A twist ``V = (omega, v)`` is the velocity of a body; a wrench ``F = (torque, force)`` acts on
+it. Both refer to a frame: ``v`` is the velocity of the point of the body that is at the
+frame's origin, and the torque is about that origin. The *body* twist of B refers to B itself,
+the *spatial* twist refers to the frame in which B moves.
 
 Example: a body turns at 1 rad/s about z while its origin moves at 0.5 m/s along the world's x.
-It is at (2, 0, 0), turned by a quarter of a turn about z. In its own axes it moves along -y:
+Its position is (2, 0, 0), and it is rotated by 90 degrees about z, so it moves along its own -y:
 
 >>> import jax.numpy as jnp
 >>> from jaxsim.spatial import Pose, adjoint, quat_from_axis_angle
@@ -76,15 +76,15 @@ def body_wrench(X: Pose, F_spatial: Float[Array, "6"]) -> Float[Array, "6"]:
 
 
 def twist_at(V: Float[Array, "6"], arm: Float[Array, "3"]) -> Float[Array, "6"]:
-    """The same twist about the point at ``arm`` from the present one, ``(w, v + w x arm)``."""
+    """The twist about another point, ``(w, v + w x arm)``; ``arm`` leads to the new point."""
     w, v = V[:3], V[3:]
     return jnp.concatenate([w, v + jnp.cross(w, arm)])
 
 
 def wrench_from(F: Float[Array, "6"], arm: Float[Array, "3"]) -> Float[Array, "6"]:
-    """The same wrench about the point from which ``arm`` leads to the present one.
+    """The wrench about another point, ``(torque + arm x force, force)``.
 
-    ``(torque + arm x force, force)``, the transpose of :func:`twist_at`.
+    ``arm`` leads from the new point to the old one; the transpose of :func:`twist_at`.
     """
     torque, force = F[:3], F[3:]
     return jnp.concatenate([torque + jnp.cross(arm, force), force])
@@ -93,22 +93,26 @@ def wrench_from(F: Float[Array, "6"], arm: Float[Array, "3"]) -> Float[Array, "6
 def acceleration_at(
     A: Float[Array, "6"], V: Float[Array, "6"], arm: Float[Array, "3"]
 ) -> Float[Array, "6"]:
-    """Angular acceleration, and linear acceleration of a point that moves with the body.
+    """Angular acceleration of a body and linear acceleration of one of its points.
 
-    ``(dw, a + dw x arm + w x v_point)``: the point's acceleration is not that of the twist at a
-    place fixed in space, which is the linear part of ``A`` (Featherstone 2008, section 2.11).
+    ``(dw, a + dw x arm + w x v_point)``. The linear part of ``A`` is the rate of the velocity at a
+    point fixed in space, which differs by ``w x v`` from the acceleration of the body's point there
+    (Featherstone 2008, section 2.11).
 
     Args:
-        A: rate of the twist ``V``, ``(dw, a)``.
+        A: spatial acceleration, the rate ``(dw, a)`` of the twist ``V``.
         V: twist.
-        arm: the point, from the one that ``A`` and ``V`` are about.
+        arm: position of the point from the one that ``A`` and ``V`` are about (m).
+
+    Returns:
+        The angular (rad/s^2) and the linear acceleration (m/s^2).
     """
     moved, velocity = twist_at(A, arm), twist_at(V, arm)
     return jnp.concatenate([moved[:3], moved[3:] + jnp.cross(V[:3], velocity[3:])])
 
 
 def cross_motion(V: Float[Array, "6"], W: Float[Array, "6"]) -> Float[Array, "6"]:
-    """``ad(V) @ W``: rate of a twist ``W`` that is carried along by ``V``.
+    """``ad(V) @ W``: rate of a twist ``W`` that is fixed in a body with twist ``V``.
 
     Featherstone's ``V x W`` (Rigid Body Dynamics Algorithms, eq. 2.31).
     """
@@ -117,7 +121,7 @@ def cross_motion(V: Float[Array, "6"], W: Float[Array, "6"]) -> Float[Array, "6"
 
 
 def cross_force(V: Float[Array, "6"], F: Float[Array, "6"]) -> Float[Array, "6"]:
-    """``-ad(V).T @ F``: rate of a wrench or momentum ``F`` that is carried along by ``V``.
+    """``-ad(V).T @ F``: rate of a wrench or momentum ``F`` fixed in a body with twist ``V``.
 
     Featherstone's ``V x* F`` (Rigid Body Dynamics Algorithms, eq. 2.32).
     """
