@@ -46,16 +46,15 @@ def _surface(heights, size, p, d) -> Crossing:
     column, row = cells.T
     x, y = column * step[0] - size[0], row * step[1] - size[1]
     corner = lambda i, j: jnp.stack(  # noqa: E731
-        [x + i * step[0], y + j * step[1], heights[row + j, column + i]], axis=1
+        [x + i * step[0], y + j * step[1], heights[row + j, column + i]]
     )
     start, end = corner(0, 0), corner(1, 1)
-    firsts = jnp.concatenate([corner(1, 0) - start, end - start])
-    seconds = jnp.concatenate([end - start, corner(0, 1) - start])
-    starts = jnp.concatenate([start, start])
-    triangles = Triangles(starts, firsts, seconds, jnp.cross(firsts, seconds))
-    all_p, all_d = (jnp.broadcast_to(v[None], starts.shape) for v in (p, d))
-    nearest = nearest_triangle(triangles, all_p, all_d)
-    return triangle_crossing(Triangles(*(part[nearest] for part in triangles)), p, d)
+    starts = jnp.concatenate([start, start], axis=1)
+    firsts = jnp.concatenate([corner(1, 0) - start, end - start], axis=1)
+    seconds = jnp.concatenate([end - start, corner(0, 1) - start], axis=1)
+    triangles = Triangles(starts, firsts, seconds, jnp.cross(firsts, seconds, axis=0))
+    spread = (jnp.broadcast_to(v[:, None], starts.shape) for v in (p, d))
+    return triangle_crossing(triangles[nearest_triangle(triangles, *spread)], p, d)
 
 
 def _cells(count: np.ndarray, step: np.ndarray, size, p, d):

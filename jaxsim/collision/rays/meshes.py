@@ -35,11 +35,10 @@ def mesh_crossing(
     table = Triangles.of(np.concatenate(corners), p.dtype)
     owner = np.repeat(np.arange(len(geoms)), [len(c) for c in corners])
     p, d = p / size, d / size
-    nearest = nearest_triangle(table, take(p, owner), take(d, owner), take(seen, owner))
+    spread = lambda x: jnp.stack([take(column, owner) for column in x.T])  # noqa: E731
+    nearest = nearest_triangle(table, spread(p), spread(d), take(seen, owner))
     which = jnp.asarray(owner)[nearest]
-    t, leaving = triangle_crossing(
-        Triangles(*(part[nearest] for part in table)), p[which], d[which]
-    )
+    t, leaving = triangle_crossing(table[nearest], p[which], d[which])
     return (jnp.where(seen[which], t, jnp.inf), leaving), which
 
 
