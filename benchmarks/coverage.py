@@ -142,6 +142,8 @@ def _compare(mj: mujoco.MjModel, model, x64: bool) -> dict:
     import jaxsim
 
     mj.opt.iterations, mj.opt.ls_iterations, mj.opt.tolerance = 100, 50, 0
+    if mj.opt.noslip_iterations:
+        mj.opt.noslip_iterations, mj.opt.noslip_tolerance = 10_000, 0
     if x64:
         model = jaxsim.load(mj)
     visited = list(_motion(mj))

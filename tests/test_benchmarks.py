@@ -220,9 +220,10 @@ def test_environments_are_stepped(way, monkeypatch):
 def test_coverage_counts_what_loads_and_why_not(tmp_path):
     """A model, one with what is not supported, one that MuJoCo refuses, one without joints."""
     body = '<body><freejoint/><geom size=".1"/></body>'
+    flag = '<option><flag invdiscrete="enable"/></option>'
     files = {
         "good": f"<mujoco><worldbody>{body}</worldbody></mujoco>",
-        "plugin": f'<mujoco><option noslip_iterations="3"/><worldbody>{body}</worldbody></mujoco>',
+        "flag": f"<mujoco>{flag}<worldbody>{body}</worldbody></mujoco>",
         "broken": "<mujoco><worldbody>",
         "still": "<mujoco/>",
     }
@@ -233,4 +234,4 @@ def test_coverage_counts_what_loads_and_why_not(tmp_path):
     assert found["summary"]["models"] == 2
     assert found["summary"]["load"] == 1
     assert [(r["files"], r["alone"]) for r in found["reasons"]] == [(1, 1)]
-    assert "noslip" in found["reasons"][0]["reason"]
+    assert "invdiscrete" in found["reasons"][0]["reason"]

@@ -3,6 +3,7 @@
 import enum
 
 from flax import struct
+from jaxtyping import Array, Float
 
 from jaxsim.constraint.jacobian import Jacobian
 from jaxsim.solver import Kind
@@ -31,9 +32,11 @@ class Block:
       jacobian: how the rows depend on the accelerations.
       type: what the rows hold in place, static.
       ids: id of the element behind each entry along the first axis, static; empty for contacts.
+      weight: mean inverse inertia of each entry, of rows with friction; else None.
     """
 
     kind: Kind
     jacobian: Jacobian
     type: RowType = struct.field(pytree_node=False)
     ids: tuple[int, ...] = struct.field(pytree_node=False, default=())
+    weight: Float[Array, "n"] | None = None

@@ -61,7 +61,8 @@ def _block(motion: Motion, contact: Contact, kind: ContactKind) -> Block:
         solimp=contact.solimp,
     )
     law = LAWS[model.contact]
-    return Block(jax.vmap(lambda c: law(model.opt, c))(state), jacobian, RowType.CONTACT)
+    cost = jax.vmap(lambda c: law(model.opt, c))(state)
+    return Block(cost, jacobian, RowType.CONTACT, weight=state.inverse_weight)
 
 
 def _jacobian(motion: Motion, contact: Contact, kind: ContactKind, bodies) -> ContactRows:

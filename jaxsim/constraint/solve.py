@@ -16,11 +16,13 @@ from jaxsim.constraint.contact import contact_blocks, contact_forces
 from jaxsim.constraint.equality import equality_blocks
 from jaxsim.constraint.friction import friction_blocks
 from jaxsim.constraint.limit import limit_blocks
+from jaxsim.constraint.noslip import without_slip
 from jaxsim.constraint.operators import TreeOperator, make_operator
 from jaxsim.dynamics.motion import Motion
 from jaxsim.model import Model, ModelError
 from jaxsim.model.dof_order import from_compound_order, to_compound_order
-from jaxsim.solver import LinearStatus, Problem, SolverStatus, attach_lifted, solve
+from jaxsim.solver import LinearStatus, Problem, Solution, SolverStatus, attach_lifted, solve
+from jaxsim.solver.operator import Lifted, Rows
 
 _CONSTRAINT_OFF = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
 _CONTACT_OFF = mujoco.mjtDisableBit.mjDSBL_CONTACT
@@ -85,23 +87,38 @@ def constrained_acceleration(
     if not blocks:
         y = operator.unconstrained(force)
         status = _unconstrained_status(-0.5 * force @ operator.vector(y))
-        return _outcome(motion, contact, blocks, operator, y, status)
+        return _outcome(motion, contact, blocks, operator, y, (), status)
     warm = not model.opt.disabled(_WARMSTART_OFF)
+    guess = to_compound_order(model, qacc_warmstart) if warm else None
+    found = _minimiser(model, operator, force)(problem, guess)
+    y = attach_lifted(found.x, problem, operator, force)
+    forces, status = problem.forces(operator.rows(y)), found.status
+    if model.opt.noslip_iterations:
+        minimiser = functools.partial(_minimiser, model, operator)
+        y, forces, found = without_slip(blocks, operator, force, y, minimiser)
+        status = found.status_after(status)
+    found = _outcome(motion, contact, blocks, operator, y, forces, status)
+    return _with_nan_unless(found.status.finite, found)
+
+
+def _minimiser(model: Model, operator: TreeOperator, force: Float[Array, "nv"]):
+    """A function of a problem and a first guess, which may be None, to the `Solution`."""
     minimise = functools.partial(
         solve,
         force=force,
-        x_start=to_compound_order(model, qacc_warmstart) if warm else None,
         iterations=model.opt.iterations,
         ls_iterations=model.opt.ls_iterations,
         tolerance=model.opt.tolerance,
         ls_tolerance=model.opt.ls_tolerance,
         scale=1 / (model.stat.meaninertia * max(1, model.nv)),
     )
-    # `solve` stops derivatives; what comes before it need not take any either.
-    found = with_compacted_contacts(minimise, *lax.stop_gradient((problem, operator)))
-    y = attach_lifted(found.x, problem, operator, force)
-    found = _outcome(motion, contact, blocks, operator, y, found.status)
-    return _with_nan_unless(found.status.finite, found)
+
+    def minimised(problem: Problem, guess: Float[Array, "nv"] | None) -> Solution:
+        # `solve` stops derivatives; what comes before it need not take any either.
+        stopped = lax.stop_gradient((problem, operator))
+        return with_compacted_contacts(functools.partial(minimise, x_start=guess), *stopped)
+
+    return minimised
 
 
 def constrained_at(motion: Motion, contact: Contact, qacc: Float[Array, "nv"]) -> Constrained:
@@ -115,9 +132,9 @@ def constrained_at(motion: Motion, contact: Contact, qacc: Float[Array, "nv"]) -
     blocks = constraint_blocks(motion, contact)
     operator = make_operator(motion.model, motion.kin, blocks, "articulated")
     y = operator.lift(to_compound_order(motion.model, qacc))
-    return _outcome(
-        motion, contact, blocks, operator, y, _unconstrained_status(jnp.zeros((), qacc.dtype))
-    )
+    forces = Problem(tuple(block.kind for block in blocks)).forces(operator.rows(y))
+    status = _unconstrained_status(jnp.zeros((), qacc.dtype))
+    return _outcome(motion, contact, blocks, operator, y, forces, status)
 
 
 def _outcome(
@@ -125,12 +142,12 @@ def _outcome(
     contact: Contact,
     blocks: list[Block],
     operator: TreeOperator,
-    y,
+    y: Lifted,
+    forces: Rows,
     status: SolverStatus,
 ) -> Constrained:
-    """Forces at a lifted acceleration, in MuJoCo's order."""
+    """A lifted acceleration and the forces of the rows, in MuJoCo's order."""
     model, x = motion.model, operator.vector(y)
-    forces = Problem(tuple(block.kind for block in blocks)).forces(operator.rows(y))
     return Constrained(
         qacc=from_compound_order(model, x),
         qfrc_constraint=from_compound_order(model, operator.pull(forces)),

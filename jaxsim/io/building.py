@@ -26,7 +26,8 @@ from jaxsim.model.problems import raise_problems
 from jaxsim.model.structure import ARRAYS, SIZES, Structure
 
 _STATIC_OPTIONS = (
-    "integrator cone iterations ls_iterations disableflags enableflags disableactuator"
+    "integrator cone iterations ls_iterations noslip_iterations "
+    "disableflags enableflags disableactuator"
 ).split()
 
 _STATIC = {f.name for f in dataclasses.fields(Model) if not f.metadata.get("pytree_node", True)}

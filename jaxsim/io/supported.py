@@ -90,8 +90,6 @@ def _chosen(choice: _Choice, who: str, value: int) -> Iterator[Problem]:
 def _options(mj: mujoco.MjModel) -> Iterator[Problem]:
     for choice in _OPTIONS:
         yield from _chosen(choice, "option", getattr(mj.opt, choice.field))
-    if mj.opt.noslip_iterations:
-        yield Problem("option", "noslip_iterations is not supported; set it to 0 and use impratio")
     flags = int(mj.opt.enableflags)
     for bit in (1 << k for k in range(flags.bit_length()) if flags >> k & 1):
         name = constant_name("mjtEnableBit", bit)

@@ -37,6 +37,7 @@ class Option:
     cone: int = struct.field(pytree_node=False)
     iterations: int = struct.field(pytree_node=False)
     ls_iterations: int = struct.field(pytree_node=False)
+    noslip_iterations: int = struct.field(pytree_node=False)
     disableflags: int = struct.field(pytree_node=False)
     enableflags: int = struct.field(pytree_node=False)
     disableactuator: int = struct.field(pytree_node=False)

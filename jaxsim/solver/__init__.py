@@ -1,6 +1,7 @@
 """Convex constraint solver: cost kinds, Newton's method, implicit derivatives. No robots here."""
 
 from jaxsim.solver.conjugate_gradients import hessian_product, pcg, pcg_solve
+from jaxsim.solver.disc import Disc
 from jaxsim.solver.elliptic_cone import EllipticCone
 from jaxsim.solver.huber import Huber
 from jaxsim.solver.implicit import attach, attach_lifted
@@ -12,6 +13,7 @@ from jaxsim.solver.quadratic import Quadratic
 from jaxsim.solver.unilateral import Unilateral
 
 __all__ = [
+    "Disc",
     "EllipticCone",
     "Huber",
     "Kind",

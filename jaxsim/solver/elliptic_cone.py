@@ -67,6 +67,10 @@ class EllipticCone:
         """Whether every contact stays in the top or in the bottom zone, which are convex."""
         return jnp.all(self._map(_is_quadratic, r, end))
 
+    def slip(self, r: Float[Array, "n d"]) -> Float[Array, "n"]:
+        """T, the scaled length of the friction residual of every contact."""
+        return jax.vmap(lambda friction, r: _tangent(friction, r)[0])(self.friction, r)
+
     def _map(self, function, *rows):
         return jax.vmap(function)(self.D, self.mu, self.friction, *rows)
 

@@ -74,6 +74,11 @@ class PyramidalCone:
         before, after = self._stiffness(self._edges(r)), self._stiffness(self._edges(end))
         return jnp.all((before[0] == after[0]) & (before[1] == after[1]))
 
+    def normals(self, r: Float[Array, "n d"]) -> Float[Array, "n d-1"]:
+        """Normal forces of the two edges of each direction, which limit its friction."""
+        plus, minus = (-self.D[:, None] * jnp.minimum(e, 0) for e in self._edges(r))
+        return plus + minus
+
     def _edges(self, r):
         """Residuals (n, d - 1) of the edges on either side."""
         tangent = self.mu * r[:, 1:]

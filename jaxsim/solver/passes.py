@@ -1,0 +1,288 @@
+"""Rigid rows by passes of the same solver: regularisation taken away, Coulomb's law made exact.
+
+A regularised row gives way under load: its force is that of a spring, `f = F(J x - aref)`. Passes
+solve the problem again with references shifted by what the last solution lacked,
+
+    aref + R f - s n,    f the force of the last pass, s = T(J x - aref) its slip,
+
+where n is the normal row and T the scaled length of the friction residual. The first shift is the
+augmented Lagrangian's (Rockafellar 1976): at the fixed point a row that holds does not move, and
+nothing depends on R. The second is De Saxce's, for cones only: without it the friction of a convex
+problem lifts what slides, with it the fixed point obeys Coulomb's law and Signorini's,
+
+    K* contains u + T(u) n, perpendicular to f, which K contains,    u = J x - aref
+
+(Acary, Cadoux 2013, "Applications of an existence result for the Coulomb friction problem").
+
+Shifts are kept as `z = sqrt(D) (R f - s n)`, in which passes are a contraction for rows without
+slip. Anderson's acceleration serves where it is a slow one. The derivative is that of the fixed
+point: `z = G(z, theta)` gives `(1 - dG/dz) dz = dG/dtheta`, solved by passes on tangents.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxsim.arrays.precision import full_precision
+from jaxsim.batching.primitives.jvp_rule import with_jvp_rule
+from jaxsim.solver.anderson import Memory
+from jaxsim.solver.elliptic_cone import EllipticCone
+from jaxsim.solver.implicit import attach_lifted
+from jaxsim.solver.newton import Solution, SolverStatus
+from jaxsim.solver.operator import Lifted, Operator, Rows
+from jaxsim.solver.problem import Kind, Problem
+
+Minimise = Callable[[Problem, Float[Array, "nv"]], Solution]
+"""From a problem and a first guess to the minimiser, `newton.solve` with all else given."""
+
+Shifts = tuple[Array, ...]
+"""`sqrt(D) (R f - s n)` of each rigid block, in the shape of its `aref`."""
+
+# Tangents are known when what is left of their equation is this many units of rounding.
+_TANGENT_ROUNDING = 50.0
+_TANGENT_PASSES = 300
+
+
+class RigidSolution(NamedTuple):
+    """A fixed point of the passes.
+
+    Attributes:
+        x: The point.
+        shifts: The shifts there.
+        status: That of the last pass; iterations and linear solves are those of all passes.
+        passes: Number of passes.
+        residual: How much the forces would change by one more pass, relative to the largest one.
+        converged: Whether that is below the tolerance.
+    """
+
+    x: Float[Array, "nv"]
+    shifts: Shifts
+    status: SolverStatus
+    passes: Int[Array, ""]
+    residual: Float[Array, ""]
+    converged: Bool[Array, ""]
+
+    def status_after(self, first: SolverStatus) -> SolverStatus:
+        """That of a first solve and of the passes that followed it."""
+        last = self.status
+        return last.replace(
+            iterations=first.iterations + last.iterations,
+            finite=first.finite & last.finite,
+            converged=first.converged & self.converged,
+            linear=first.linear.then(last.linear),
+        )
+
+
+def softness(dtype) -> float:
+    """Regularisation of rigid rows in units of their inverse inertia.
+
+    It decides how fast passes converge. Too little of it, and the Hessian would lose the inertia of
+    the motions that the rows leave free in rounding.
+    """
+    return 2e-2 if jnp.finfo(dtype).bits <= 32 else 2e-4
+
+
+def rigid_tolerance(dtype) -> float:
+    """What passes can do for the forces, relative to the largest one."""
+    return 50 * float(jnp.finfo(dtype).eps) / softness(dtype)
+
+
+def shift_of(kind: Kind, force: Array, slip: Float[Array, "n"] | None = None) -> Array:
+    """The shift that belongs to the force and the slip of a block."""
+    root, inverse = _roots(kind.D)
+    return inverse * force - root * _on_normal(slip, force)
+
+
+def shifted(problem: Problem, rigid: Sequence[int], shifts: Shifts) -> Problem:
+    """The problem with the references of its rigid blocks shifted."""
+    blocks: list[Any] = list(problem.blocks)
+    for i, z in zip(rigid, shifts, strict=True):
+        _, inverse = _roots(blocks[i].D)
+        blocks[i] = blocks[i].replace(aref=blocks[i].aref + inverse * z)
+    return Problem(tuple(blocks))
+
+
+def solve_rigid(
+    problem: Problem,
+    operator: Operator,
+    rigid: tuple[int, ...],
+    minimise: Minimise,
+    x: Float[Array, "nv"],
+    shifts: Shifts,
+    *,
+    passes: int,
+    tolerance: float,
+) -> RigidSolution:
+    """Passes until the forces of the rigid rows no longer change.
+
+    The result carries no derivative; `attach_rigid` gives it one.
+
+    Args:
+        problem: The blocks of constraint rows.
+        operator: Mass matrix and Jacobian.
+        rigid: Which blocks have no regularisation in the end; theirs decides the speed only.
+        minimise: Solves one pass.
+        x: A guess of the solution.
+        shifts: Those of the first pass.
+        passes: Largest number of passes, at least one.
+        tolerance: Bound on the change of the forces relative to the largest one.
+    """
+    problem, operator, x, shifts = lax.stop_gradient((problem, operator, x, shifts))
+    flat, unravel = ravel_pytree(shifts)
+
+    def advance(state):
+        last, memory, u = state
+        shifts = unravel(u)
+        found = minimise(shifted(problem, rigid, shifts), last.x)
+        rows = operator.rows(operator.lift(found.x))
+        after = _after(rows, problem, rigid, shifts)
+        residual = _residual(rows, problem, rigid, shifts, after)
+        memory, u = memory.next(u, ravel_pytree(after)[0])
+        status = found.status.replace(
+            iterations=last.status.iterations + found.status.iterations,
+            linear=last.status.linear.then(found.status.linear),
+        )
+        passes, done = last.passes + 1, residual <= tolerance
+        return RigidSolution(found.x, after, status, passes, residual, done), memory, u
+
+    def unfinished(state):
+        last = state[0]
+        return ~last.converged & (last.passes < passes) & last.status.finite
+
+    shape = jax.eval_shape(minimise, problem, x).status
+    start = RigidSolution(
+        x, shifts, _blank(shape), jnp.zeros((), jnp.int32), x.sum() * 0, jnp.zeros((), bool)
+    )
+    return lax.while_loop(unfinished, advance, (start, Memory.empty(flat), flat))[0]
+
+
+def attach_rigid(
+    found: RigidSolution,
+    problem: Problem,
+    operator: Operator,
+    force: Float[Array, "nv"],
+    rigid: tuple[int, ...],
+) -> tuple[Lifted, Rows]:
+    """Returns the solution, lifted, and the forces of all rows with their derivatives.
+
+    Args:
+        found: The fixed point.
+        problem: The blocks of constraint rows.
+        operator: Mass matrix and Jacobian.
+        force: All forces but those of constraints.
+        rigid: Which blocks are rigid.
+    """
+    x, shifts = lax.stop_gradient((found.x, found.shifts))
+    shifts = _attached(x, shifts, (problem, operator, force), rigid)
+    problem = shifted(problem, rigid, shifts)
+    y = attach_lifted(x, problem, operator, force)
+    return y, problem.forces(operator.rows(y))
+
+
+def _attached(x: Float[Array, "nv"], shifts: Shifts, theta, rigid: tuple[int, ...]) -> Shifts:
+    """The shifts, which move with theta: problem, operator and force."""
+    leaves, structure = jax.tree.flatten((x, shifts, theta))
+    count = len(shifts)
+
+    @full_precision
+    def rule(primals, tangents):
+        x, shifts, theta = structure.unflatten(primals)
+        dots = tangents[1 + count :]
+        moving = [dot is not None for dot in dots]
+        flat, whole = jax.tree.flatten(theta)
+        moved = [v for v, m in zip(flat, moving, strict=True) if m]
+
+        def where(*some):
+            rest = iter(some)
+            return whole.unflatten(
+                [next(rest) if m else v for v, m in zip(flat, moving, strict=True)]
+            )
+
+        _, b = jax.jvp(
+            lambda *some: _pass(x, shifts, where(*some), rigid),
+            moved,
+            [dot for dot in dots if dot is not None],
+        )
+
+        def remaining(t):
+            _, after = jax.jvp(lambda z: _pass(x, z, theta, rigid), (shifts,), (t,))
+            return jax.tree.map(jnp.subtract, t, after)
+
+        return list(shifts), list(lax.custom_linear_solve(remaining, b, _by_passes, _by_passes))
+
+    return tuple(with_jvp_rule(lambda *xs: list(xs[1 : 1 + count]), rule)(*leaves))
+
+
+def _pass(x: Float[Array, "nv"], shifts: Shifts, theta, rigid: tuple[int, ...]) -> Shifts:
+    """The shifts after one more pass, whose minimiser x is known."""
+    problem, operator, force = theta
+    y = attach_lifted(x, shifted(problem, rigid, shifts), operator, force)
+    return _after(operator.rows(y), problem, rigid, shifts)
+
+
+def _by_passes(remaining: Callable[[Shifts], Shifts], b: Shifts) -> Shifts:
+    """`t` with `remaining(t) = b`, by `t + b - remaining(t)` as often as it takes."""
+    flat, unravel = ravel_pytree(b)
+    enough = _TANGENT_ROUNDING * jnp.finfo(flat.dtype).eps * jnp.max(jnp.abs(flat), initial=0)
+
+    def unfinished(state):
+        _, _, left, k = state
+        return (left > enough) & (k < _TANGENT_PASSES)
+
+    def advance(state):
+        t, memory, _, k = state
+        left = flat - ravel_pytree(remaining(unravel(t)))[0]
+        memory, after = memory.next(t, t + left)
+        return after, memory, jnp.max(jnp.abs(left), initial=0), k + 1
+
+    start = flat, Memory.empty(flat), jnp.max(jnp.abs(flat), initial=0), jnp.zeros((), jnp.int32)
+    return unravel(lax.while_loop(unfinished, advance, start)[0])
+
+
+def _after(rows: Rows, problem: Problem, rigid: Sequence[int], shifts: Shifts) -> Shifts:
+    """The shifts of the next pass, from forces and slips at `J x`."""
+    forces = shifted(problem, rigid, shifts).forces(rows)
+    after = []
+    for i in rigid:
+        kind = problem.blocks[i]
+        slip = kind.slip(rows[i] - kind.aref) if isinstance(kind, EllipticCone) else None
+        after.append(shift_of(kind, forces[i], slip))
+    return tuple(after)
+
+
+def _residual(rows: Rows, problem: Problem, rigid, shifts: Shifts, after: Shifts):
+    """How much the forces at `J x` differ from those after one more pass, relative."""
+    forces, then = (shifted(problem, rigid, z).forces(rows) for z in (shifts, after))
+    change = _largest([then[i] - forces[i] for i in rigid])
+    size = _largest([forces[i] for i in rigid])
+    return change / jnp.where(size > 0, size, 1.0)
+
+
+def _largest(arrays: Sequence[Array]) -> Float[Array, ""]:
+    return jnp.max(jnp.stack([jnp.max(jnp.abs(a), initial=0) for a in arrays]))
+
+
+def _on_normal(slip: Float[Array, "n"] | None, force: Array) -> Array:
+    """The slips in the normal rows of a block."""
+    if slip is None:
+        return jnp.zeros_like(force)
+    return jnp.pad(slip[:, None], ((0, 0), (0, force.shape[1] - 1)))
+
+
+def _roots(D: Array) -> tuple[Array, Array]:
+    """`sqrt(D)` and `sqrt(R)`; zeros where a row contributes nothing."""
+    root = jnp.sqrt(jnp.where(D > 0, D, 1.0))
+    return jnp.where(D > 0, root, 0.0), jnp.where(D > 0, 1 / root, 0.0)
+
+
+def _blank(shape: SolverStatus) -> SolverStatus:
+    """The status before the first pass."""
+    blank = jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), shape)
+    return blank.replace(
+        finite=jnp.ones((), bool), linear=blank.linear._replace(converged=jnp.ones((), bool))
+    )
