@@ -1,0 +1,81 @@
+"""A problem near a trajectory: linear dynamics, quadratic cost, in tangent vectors.
+
+With `z = (dx, du)` the deviation from the trajectory at one step,
+
+- the next deviation is `A dx + B du + c`,
+- the cost is `l + g' z + 1/2 z' H z`.
+"""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from flax import struct
+from jaxtyping import Array, Float
+
+from jaxsim.batching import vmap
+from jaxsim.trajopt.problem import Problem
+
+
+@struct.dataclass
+class Expansion:
+    """First and second derivatives along a trajectory; n is the size of the tangent space.
+
+    Attributes:
+      jacobian: (A, B), shape (T, n, n + nu).
+      defect: c, the gap between where a step leads and the next state.
+      gradient: g of the running cost, dx first.
+      hessian: H of the running cost, positive semidefinite.
+      final_gradient: gradient of the final cost.
+      final_hessian: its Hessian, positive semidefinite.
+    """
+
+    jacobian: Float[Array, "T n n+nu"]
+    defect: Float[Array, "T n"]
+    gradient: Float[Array, "T n+nu"]
+    hessian: Float[Array, "T n+nu n+nu"]
+    final_gradient: Float[Array, "n"]
+    final_hessian: Float[Array, "n n"]
+
+
+def expand(problem: Problem, states: Any, ctrls: Float[Array, "T nu"]) -> Expansion:
+    """The problem near states (T+1, ...) and controls.
+
+    Dynamics are taken to first order (Gauss-Newton). Directions in which a cost is concave count as
+    flat, so that each step's subproblem is convex.
+    """
+    space, n = problem.space, problem.space.size
+    before, after = jax.tree.map(lambda x: x[:-1], states), jax.tree.map(lambda x: x[1:], states)
+    origin = jnp.zeros(n + ctrls.shape[1], ctrls.dtype)
+
+    def stepped(z, x, u, y):
+        gap = space.difference(y, problem.step(space.retract(x, z[:n]), u + z[n:]))
+        return gap, gap
+
+    def running(z, x, u, t):
+        return problem.running_cost(space.retract(x, z[:n]), u + z[n:], t)
+
+    def final(dx, x):
+        return problem.final_cost(space.retract(x, dx))
+
+    jacobian, defect = vmap(lambda *at: jax.jacfwd(stepped, has_aux=True)(origin, *at))(
+        before, ctrls, after
+    )
+    steps = jnp.arange(problem.horizon)
+    gradient, hessian = jax.vmap(lambda *at: _second_order(running, origin, *at))(
+        before, ctrls, steps
+    )
+    last = jax.tree.map(lambda x: x[-1], states)
+    return Expansion(jacobian, defect, gradient, hessian, *_second_order(final, origin[:n], last))
+
+
+def _second_order(cost, origin, *at):
+    """Gradient and the nearest positive semidefinite matrix to the Hessian."""
+
+    def gradient(z):
+        slope = jax.grad(cost)(z, *at)
+        return slope, slope
+
+    hessian, slope = jax.jacfwd(gradient, has_aux=True)(origin)
+    values, vectors = jnp.linalg.eigh((hessian + hessian.T) / 2)
+    return slope, (vectors * jnp.maximum(values, 0)[None]) @ vectors.T

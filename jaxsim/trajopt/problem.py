@@ -1,0 +1,256 @@
+"""`Problem`: what is to be optimised.
+
+    minimise   sum_t running_cost(x_t, u_t, t) + final_cost(x_T)
+    over u     with x_{t+1} = step(x_t, u_t), x_0 = start, low <= u_t <= high
+
+T is the horizon. States may be of any kind that a `Space` knows how to move in.
+"""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Float
+
+import jaxsim.engine as engine
+from jaxsim.arrays.checkpoint import checkpoint
+from jaxsim.model import JaxsimError, Model, State, make_state
+from jaxsim.trajopt.space import Space, StateSpace, VectorSpace, stack
+
+Ctrls = Float[Array, "T nu"]
+Scalar = Float[Array, ""]
+
+
+class ProblemError(JaxsimError, ValueError):
+    """A problem, or a guess for it, makes no sense; the message says what was expected."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Problem:
+    """An optimal control problem; made by `make_problem`, which judges it.
+
+    Its arrays may be tracers: a function that makes a problem from a start or a model, and solves
+    it, can be mapped over either by `jax.vmap`.
+
+    Attributes:
+      step: `(x, u)` to the next state.
+      space: where states live.
+      start: the first state.
+      horizon: number of steps T.
+      running_cost: `(x, u, t)` to a number, for t = 0 ... T-1.
+      final_cost: `(x)` to a number, of the last state.
+      low: least controls; may be infinite.
+      high: greatest controls.
+    """
+
+    step: Callable[[Any, Float[Array, "nu"]], Any]
+    space: Space
+    start: Any
+    horizon: int
+    running_cost: Callable[[Any, Float[Array, "nu"], Any], Scalar]
+    final_cost: Callable[[Any], Scalar]
+    low: Float[Array, "nu"]
+    high: Float[Array, "nu"]
+
+    def replace(self, **changes: Any) -> "Problem":
+        """The same problem but for some attributes."""
+        return dataclasses.replace(self, **changes)
+
+    def rollout(self, ctrls: Ctrls) -> tuple[Any, Scalar]:
+        """States (T+1, ...) under these controls, and their cost."""
+        states, _, cost = self.follow(lambda x, u: u, ctrls)
+        return states, cost
+
+    def follow(
+        self, policy: Callable[[Any, Any], Float[Array, "nu"]], inputs: Any
+    ) -> tuple[Any, Ctrls, Scalar]:
+        """States (T+1, ...), controls and cost under `u_t = policy(x_t, inputs[t])`."""
+        advance = checkpoint(self.step)
+
+        def body(carry, now):
+            (x, total), (t, given) = carry, now
+            u = policy(x, given)
+            total = total + self.running_cost(x, u, t)
+            x = advance(x, u)
+            return (x, total), (x, u)
+
+        zero = jnp.zeros((), self.low.dtype)
+        steps = jnp.arange(self.horizon)
+        (last, total), (states, ctrls) = lax.scan(body, (self.start, zero), (steps, inputs))
+        return stack(self.start, states), ctrls, total + self.final_cost(last)
+
+    def total_cost(self, states: Any, ctrls: Ctrls) -> Scalar:
+        """Cost of states (T+1, ...) and controls, whether or not one leads to the other."""
+        before = jax.tree.map(lambda x: x[:-1], states)
+        costs = jax.vmap(self.running_cost)(before, ctrls, jnp.arange(self.horizon))
+        return costs.sum() + self.final_cost(jax.tree.map(lambda x: x[-1], states))
+
+    def clip(self, ctrls: Float[Array, "*T nu"]) -> Float[Array, "*T nu"]:
+        """The nearest controls within the limits."""
+        shape = (1,) * (ctrls.ndim - 1) + self.low.shape
+        return jnp.clip(ctrls, self.low.reshape(shape), self.high.reshape(shape))
+
+    def random_ctrls(self, key: jax.Array, scale: float = 0.1) -> Ctrls:
+        """Small random controls: normal, `scale` times half of the range, or times 1 without one.
+
+        All zero would be a poor guess: it is a stationary point of a pendulum that hangs.
+        """
+        middle = (self.high + self.low) / 2
+        middle = jnp.where(jnp.isfinite(middle), middle, 0)
+        noise = jax.random.normal(key, (self.horizon, *self.low.shape), self.low.dtype)
+        return self.clip(middle[None] + scale * self.half_range[None] * noise)
+
+    @property
+    def half_range(self) -> Float[Array, "nu"]:
+        """Half of the difference of the limits; 1 where there is no such thing."""
+        half = (self.high - self.low) / 2
+        return jnp.where(jnp.isfinite(half), half, 1)
+
+
+def make_problem(
+    dynamics: Model | Callable[[Any, Array], Any],
+    start: Any = None,
+    *,
+    horizon: int,
+    running_cost: Callable[[Any, Array, Any], Any],
+    final_cost: Callable[[Any], Any] = lambda x: 0.0,
+    nu: int | None = None,
+    control_limits: tuple[Any, Any] | None = None,
+    frame_skip: int = 1,
+) -> Problem:
+    """An optimal control problem, judged before anything is compiled.
+
+    Args:
+      dynamics: a model, whose states are `jaxsim.State`; or a function `(x, u)` to the next state,
+        an array or a pytree of arrays.
+      start: the first state; by default the model's at `qpos0` and at rest.
+      horizon: number of controls.
+      running_cost: `(x, u, t)` to a number, with the step t from 0.
+      final_cost: `(x)` to a number; nothing by default.
+      nu: number of controls, where dynamics are a function and there are no limits.
+      control_limits: least and greatest controls, numbers or arrays (nu,), in place of the model's.
+      frame_skip: steps of the dynamics for which a control is held.
+
+    Raises:
+      ProblemError: the horizon is not positive, a cost is not a number, or shapes do not fit.
+    """
+    _expect(_whole(horizon) and horizon > 0, f"horizon must be a positive integer, got {horizon!r}")
+    _expect(
+        _whole(frame_skip) and frame_skip > 0,
+        f"frame_skip must be a positive integer, got {frame_skip!r}",
+    )
+    step, space, start, nu = _system(dynamics, start, nu, control_limits)
+    kind = jnp.result_type(*jax.tree.leaves(start))
+    if control_limits is None and isinstance(dynamics, Model):
+        control_limits = _model_limits(dynamics)
+    low, high = _limits(control_limits, nu, kind)
+    problem = Problem(
+        step=_repeated(step, frame_skip),
+        space=space,
+        start=start,
+        horizon=int(horizon),
+        running_cost=lambda x, u, t: jnp.asarray(running_cost(x, u, t), kind),
+        final_cost=lambda x: jnp.asarray(final_cost(x), kind),
+        low=low,
+        high=high,
+    )
+    _check_cost("running_cost", running_cost, start, low, jnp.zeros((), int))
+    _check_cost("final_cost", final_cost, start)
+    if not isinstance(dynamics, Model):
+        _check_step(step, start, low)
+    return problem
+
+
+def _system(dynamics, start, nu, limits):
+    """The step, the space, the first state and the number of controls."""
+    if isinstance(dynamics, Model):
+        start = make_state(dynamics) if start is None else start
+        _expect(
+            isinstance(start, State),
+            f"start must be a jaxsim.State for a model, got {type(start).__name__}",
+        )
+        _expect(
+            start.qpos.shape == dynamics.qpos0.shape,
+            f"start.qpos must have shape {dynamics.qpos0.shape}, got {start.qpos.shape}; map over "
+            "starts with jax.vmap",
+        )
+        _expect(dynamics.nu > 0, "the model has no actuators")
+        model = dynamics
+        return (lambda x, u: engine.step(model, x, u)), StateSpace(model), start, model.nu
+    _expect(
+        callable(dynamics),
+        f"dynamics must be a jaxsim.Model or a function (x, u) -> x, got {type(dynamics).__name__}",
+    )
+    _expect(start is not None, "dynamics that are a function need a start")
+    if nu is None:
+        _expect(limits is not None, "dynamics that are a function need nu or control_limits")
+        nu = max(np.size(limit) for limit in limits)
+    start = jax.tree.map(lambda x: jnp.asarray(x) * 1.0, start)
+    return dynamics, VectorSpace(ravel_pytree(start)[0].size), start, nu
+
+
+def _repeated(step, count):
+    """Several steps with one control."""
+    if count == 1:
+        return step
+    return lambda x, u: lax.scan(lambda x, _: (step(x, u), None), x, None, length=count)[0]
+
+
+def _model_limits(model: Model):
+    limited = jnp.asarray(model.actuator_ctrllimited)
+    low, high = model.actuator_ctrlrange[:, 0], model.actuator_ctrlrange[:, 1]
+    return jnp.where(limited, low, -jnp.inf), jnp.where(limited, high, jnp.inf)
+
+
+def _limits(limits, nu, kind):
+    """Least and greatest controls, (nu,) each."""
+    if limits is None:
+        limits = (-jnp.inf, jnp.inf)
+    _expect(len(limits) == 2, "control_limits must be a pair: least and greatest controls")
+    for name, limit in zip(("least", "greatest"), limits, strict=True):
+        _expect(
+            np.shape(limit) in ((), (nu,)),
+            f"the {name} of control_limits must be a number or have shape ({nu},), "
+            f"got {np.shape(limit)}",
+        )
+    low, high = (jnp.broadcast_to(jnp.asarray(limit, kind), (nu,)) for limit in limits)
+    if not isinstance(low, jax.core.Tracer) and not isinstance(high, jax.core.Tracer):
+        _expect(bool((low <= high).all()), "control_limits must not have low above high")
+    return low, high
+
+
+def _check_cost(name, cost, *arguments):
+    found = jax.eval_shape(cost, *arguments)
+    shape = getattr(found, "shape", None)
+    _expect(shape == (), f"{name} must return a number, got {_described(found)}")
+
+
+def _check_step(step, start, ctrl):
+    found = jax.eval_shape(step, start, ctrl)
+    same = jax.tree.structure(found) == jax.tree.structure(start) and all(
+        a.shape == b.shape and a.dtype == b.dtype
+        for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(start), strict=True)
+    )
+    _expect(
+        same,
+        f"dynamics must return a state like start, {_described(start)}, got {_described(found)}",
+    )
+
+
+def _described(tree: Any) -> str:
+    """Shapes and types of what a function returns."""
+    return str(jax.tree.map(lambda x: f"{x.dtype}{list(x.shape)}", tree)).replace("'", "")
+
+
+def _whole(value: Any) -> bool:
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
+def _expect(condition: bool, message: str) -> None:
+    if not condition:
+        raise ProblemError(message)
