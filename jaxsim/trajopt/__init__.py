@@ -1,12 +1,12 @@
 """Trajectory optimisation: one problem, several ways to solve it."""
 
 from jaxsim.trajopt.ilqr import ILQR
-from jaxsim.trajopt.mpc import Track, mpc, replan
 from jaxsim.trajopt.plan import Iterate, Plan, PlanStatus
+from jaxsim.trajopt.predictive_control import Track, mpc, replan
 from jaxsim.trajopt.problem import Problem, ProblemError, make_problem
 from jaxsim.trajopt.sampling import CEM, MPPI, PredictiveSampling
 from jaxsim.trajopt.shooting import Shooting
-from jaxsim.trajopt.solve import Method, solve
+from jaxsim.trajopt.solving import Method, solve
 
 __all__ = [
     "CEM",

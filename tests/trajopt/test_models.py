@@ -57,9 +57,7 @@ def test_gains_bring_a_disturbed_motion_back(pendulum, swing_up):
     problem = pendulum.replace(start=start)
     with_gains = lambda: problem.follow(lambda x, t: swing_up.ctrl(problem, x, t), jnp.arange(60))  # noqa: E731
     without = lambda: problem.follow(lambda x, u: u, swing_up.ctrls)  # noqa: E731
-    ends = [
-        states.qpos[-1, 0] for states, _, _ in (quick_jit(f)() for f in (with_gains, without))
-    ]
+    ends = [states.qpos[-1, 0] for states, _, _ in (quick_jit(f)() for f in (with_gains, without))]
     fed_back, open_loop = np.abs(np.array(ends) - swing_up.states.qpos[-1, 0])
     assert open_loop > 0.3
     assert fed_back < 0.3 * open_loop

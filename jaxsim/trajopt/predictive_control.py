@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, Int
 
 from jaxsim.trajopt.plan import Iterate
 from jaxsim.trajopt.problem import Problem
-from jaxsim.trajopt.solve import Method, guess
+from jaxsim.trajopt.solving import Method, guess
 from jaxsim.trajopt.space import stack
 
 
