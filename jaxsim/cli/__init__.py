@@ -22,6 +22,7 @@ examples:
   jaxsim simulate my_robot.xml --ctrl zero      a file of yours, MJCF or URDF
   jaxsim train inverted_pendulum                a policy in less than a minute
   jaxsim play runs/...                          what it has learnt
+  jaxsim view humanoid                          live in the browser, to push and pull
   jaxsim bench throughput --models humanoid     speed beside MuJoCo C
 """
 
@@ -43,6 +44,24 @@ exit status:
   0  all environments stayed finite
   1  some environment diverged to NaN or infinity; the report says what to do
   2  the command was not understood, or the model could not be loaded
+"""
+
+_VIEW = """\
+Show something that moves: pause, speed, contact forces; bodies can be pulled with the mouse.
+
+MODEL       a .xml or .urdf file or the name of a bundled model: sliders move its actuators
+RUN         a directory of `jaxsim train`: its policy acts
+TRAJECTORY  a .npz file of `jaxsim.viz.save_trajectory`: becomes a page that plays it
+"""
+
+_VIEW_EXAMPLES = """\
+examples:
+  jaxsim view humanoid
+  jaxsim view runs/hopper-ppo-20260101-120000
+  jaxsim view run.npz
+  jaxsim view my_robot.xml --window             where there is a display
+
+The page needs an extra: pip install "jaxsim-physics[view]", or in a clone pip install ".[view]".
 """
 
 _TRAIN = """\
@@ -142,6 +161,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_simulate(commands)
     _add_train(commands)
     _add_play(commands)
+    _add_view(commands)
     _add_bench(commands)
     _add(commands, "models", "list the bundled models", "List the bundled models.")
     _add(commands, "envs", "list the environments", "List the environments.")
@@ -177,6 +197,7 @@ def _add_train(commands) -> None:
     where.add_argument("--out", type=pathlib.Path, metavar="DIR", help="new directory to write to")
     where.add_argument("--resume", type=pathlib.Path, metavar="DIR", help="go on with this run")
     _add_video(train)
+    train.add_argument("--watch", action="store_true", help="show the present policy in a browser")
     _add_cache(train)
     option("--coordinator", metavar="HOST:PORT", help="address of the first of several processes")
     option("--processes", type=_positive(int), default=1, help="number of processes (1)")
@@ -192,6 +213,20 @@ def _add_play(commands) -> None:
     play.add_argument("--seed", type=int, default=1, help="seed of the starts (1)")
     _add_video(play)
     _add_cache(play)
+
+
+def _add_view(commands) -> None:
+    view = _add(commands, "view", "show a model, a policy or a recording", _VIEW, _VIEW_EXAMPLES)
+    option = view.add_argument
+    option("what", metavar="MODEL|RUN|TRAJECTORY", help="what to show")
+    option("--keyframe", metavar="NAME", help="start a model at this keyframe instead of qpos0")
+    option("--env", metavar="ENV", help="the task of a run, where it is code: module:Class")
+    option("--algorithm", metavar="NAME", help="the same for the algorithm")
+    option("--window", action="store_true", help="MuJoCo's own window instead of the browser")
+    option("--host", default="127.0.0.1", help="address of the page (127.0.0.1)")
+    option("--port", type=int, default=8080, help="the next free one if it is taken (8080)")
+    option("--no-open", dest="open", action="store_false", help="do not open a browser")
+    _add_cache(view)
 
 
 def _add_cache(parser) -> None:

@@ -10,7 +10,8 @@ from jaxsim.cli import UsageError
 from jaxsim.cli.episode import save_video
 from jaxsim.cli.report import note, report
 from jaxsim.cli.simulate import prepare_cpu
-from jaxsim.rl.driver import Result, run_env
+from jaxsim.cli.watch import Watch
+from jaxsim.rl.driver import Result, make_env, run_env
 from jaxsim.rl.errors import CheckpointError
 from jaxsim.rl.metrics import read
 from jaxsim.rl.parts import distributed
@@ -50,7 +51,15 @@ def _train(arguments: argparse.Namespace) -> Result:
         directory=directory or _directory(arguments.env, algorithm),
         resume=arguments.resume is not None,
         progress=True,
+        watch=_watch(arguments),
     )
+
+
+def _watch(arguments: argparse.Namespace) -> Watch | None:
+    """A page for the present policy, if it is asked for."""
+    if not (arguments.watch and distributed.is_main()):
+        return None
+    return Watch(make_env(arguments.env, rl.resolve(arguments.env, arguments.algorithm or "ppo")))
 
 
 def _finish(arguments: argparse.Namespace, result: Result) -> None:

@@ -5,7 +5,7 @@ import dataclasses
 import math
 import pathlib
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import jax
@@ -79,6 +79,7 @@ def train(
     resume: bool = False,
     progress: bool = False,
     mesh: Mesh | None = None,
+    watch: Callable[[Policy], None] | None = None,
 ) -> Result:
     """Train a policy on all devices.
 
@@ -96,6 +97,7 @@ def train(
       resume: carry on from the newest checkpoint in `directory`, if there is one.
       progress: show a progress bar.
       mesh: the devices to use; all by default.
+      watch: called with the policy after each epoch.
 
     Returns:
       The policy and how it came about.
@@ -106,6 +108,7 @@ def train(
         `resume` is not set; or what is to be resumed is damaged, or another run.
     """
     run = _Run(env, algorithm, resolve(env, algorithm, settings, overrides), seed, mesh)
+    run.watch = watch
     return run.go(None if directory is None else pathlib.Path(directory), resume, progress)
 
 
@@ -153,6 +156,7 @@ class _Run:
         }
         self.steps = 0
         self.history: list[metrics.Row] = []
+        self.watch: Callable[[Policy], None] | None = None
 
     def go(self, folder: pathlib.Path | None, resume: bool, progress: bool) -> Result:
         """Open the directory, compile, train, save."""
@@ -228,6 +232,8 @@ class _Run:
         while not done:
             training, numbers = programs.epoch(training)
             row = {name: float(value) for name, value in numbers.items()}
+            if self.watch is not None:
+                self.watch(programs.policy(training.learner))
             due = self._advance()
             done = interrupts.seen or self.steps >= self.settings.total_steps
             if due and not interrupts.seen:

@@ -3,5 +3,6 @@
 from jaxsim.viz.filming import film
 from jaxsim.viz.frames import Frames
 from jaxsim.viz.page import Page, html
+from jaxsim.viz.recording import load_trajectory, save_trajectory
 
-__all__ = ["Frames", "Page", "film", "html"]
+__all__ = ["Frames", "Page", "film", "html", "load_trajectory", "save_trajectory"]

@@ -1,0 +1,133 @@
+"""Live views: time, forces by the mouse, and what a page shows."""
+
+import threading
+
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+import pytest
+
+import jaxsim
+from jaxsim import envs
+from jaxsim.viz.live import Free, Inputs, Played, in_browser
+from jaxsim.viz.live.browser import Browser, Wishes
+from jaxsim.viz.live.clock import Clock
+from jaxsim.viz.live.pull import Pull
+from jaxsim.viz.live.show import _Show
+from jaxsim.viz.live.solids import solid
+
+BALL = """
+<mujoco>
+  <option timestep="0.01"/>
+  <worldbody>
+    <body name="ball" pos="0 0 1">
+      <joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>
+      <geom size=".1" mass="2" contype="0"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def test_time_keeps_pace_and_what_is_missed_is_dropped():
+    clock = Clock(dt=0.01, frame=0.1)
+    assert [clock.due(0.025, 1.0) for _ in range(4)] == [2, 3, 2, 3]
+    assert clock.due(100.0, 1.0) == 20  # two frames at most
+    assert Clock(0.01, 0.1).due(0.1, 0.5) == 5
+    assert clock.due(0.0, 1.0) == 0
+
+
+def test_a_pulled_ball_comes_to_the_pointer():
+    """Spring and damper hold it where gravity and spring balance: g / k below the pointer."""
+    show = _Show(Free(jaxsim.load(BALL)))
+    wishes = Wishes(gravity=-9.81, ctrl=np.zeros(0))
+    target = np.array([0.3, 0.0, 1.5])
+    for _ in range(300):
+        wishes.pull = Pull(1, np.array(show.data.xpos[1]), target)
+        show.advance(wishes, 0.02)
+    np.testing.assert_allclose(show.data.xpos[1], target - [0, 0, 9.81 / 40], atol=2e-3)
+    wishes.paused = True
+    before = float(show.state.time)
+    show.advance(wishes, 0.02)
+    assert float(show.state.time) == before
+    wishes.reset, wishes.pull = True, None
+    show.advance(wishes, 0.02)
+    np.testing.assert_allclose(show.data.xpos[1], [0, 0, 1], atol=1e-6)
+    wishes.paused, wishes.gravity = False, 0.0
+    for _ in range(10):
+        show.advance(wishes, 0.02)
+    np.testing.assert_allclose(show.data.xpos[1], [0, 0, 1], atol=1e-6)
+    assert show.contacts(wishes).shape == (0, 6)
+
+
+def test_a_pull_off_the_middle_turns_the_body():
+    model = mujoco.MjModel.from_xml_string(BALL)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    wrench = Pull(1, np.array([0, 0.1, 1.0]), np.array([0.5, 0.1, 1.0])).wrench(model, data)
+    np.testing.assert_allclose(wrench[:3], [40 * 2 * 0.5, 0, 0], atol=1e-9)
+    np.testing.assert_allclose(wrench[3:], np.cross([0, 0.1, 0], wrench[:3]), atol=1e-9)
+
+
+def test_a_policy_plays_and_episodes_start_again():
+    env = envs.make("fast", max_episode_steps=3)
+    played = Played(env, lambda obs: jnp.ones(env.action_size))
+    inputs = Inputs.of(played.model)
+    state = played.advance(played.reset(0), inputs, 2)
+    assert played.physics(state).time == pytest.approx(2 * float(env.dt))
+    assert played.physics(played.advance(state, inputs, 1)).time == 0
+
+
+@pytest.mark.parametrize(
+    ("kind", "size", "volume"),
+    [
+        ("box", [0.1, 0.2, 0.3], 8 * 0.006),
+        ("sphere", [0.5, 0, 0], 4 / 3 * np.pi * 0.125),
+        ("ellipsoid", [0.1, 0.2, 0.3], 4 / 3 * np.pi * 0.006),
+        ("cylinder", [0.2, 0.5, 0], np.pi * 0.04),
+        ("capsule", [0.2, 0.5, 0], np.pi * 0.04 + 4 / 3 * np.pi * 0.008),
+    ],
+)
+def test_triangles_enclose_the_volume_of_the_shape(kind, size, volume):
+    """By the divergence theorem; positive, so that faces look outwards."""
+    shape = solid({"type": kind, "size": size}, None)
+    a, b, c = np.moveaxis(shape.points[shape.faces], 1, 0)
+    found = np.einsum("fi,fi->", a, np.cross(b, c)) / 6
+    assert found == pytest.approx(volume, rel=0.03)
+
+
+def test_a_page_is_served():
+    pytest.importorskip("viser")
+    import urllib.request
+
+    seen, ended = [], threading.Event()
+
+    def ready(url):
+        with urllib.request.urlopen(url, timeout=30) as page:
+            seen.append(page.read(200))
+        ended.set()
+
+    in_browser(Free(jaxsim.load(BALL)), port=8765, ready=ready, until=ended.is_set)
+    assert b"html" in seen[0]
+
+
+def test_what_to_install_is_named(monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "viser", None)
+    with pytest.raises(RuntimeError, match=r"jaxsim-physics\[view\]"):
+        Browser(mujoco.MjModel.from_xml_string(BALL), True, "127.0.0.1", 8765, "")
+
+
+def test_a_page_shows_bodies_and_marks():
+    pytest.importorskip("viser")
+    model = mujoco.MjModel.from_xml_string(BALL)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    page = Browser(model, True, "127.0.0.1", 8765, "")
+    try:
+        page.wishes.com = True
+        page.show(data, np.ones((2, 6)), 0.1, "now")
+        page.show(data, np.zeros((0, 6)), 0.1, "later")
+        assert page._text.value == "later"
+        np.testing.assert_allclose(page._bodies[1].position, [0, 0, 1])
+    finally:
+        page.close()
