@@ -1,4 +1,4 @@
-"""Collision detection: shape pairs, candidate pairs of a model, contact parameters, detection."""
+"""Collision detection: shapes, pair functions, candidate pairs and contact parameters."""
 
 from jaxsim.collision.candidates import (
     Candidates,

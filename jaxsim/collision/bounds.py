@@ -1,13 +1,13 @@
-"""A cheap lower bound on the distance of two geoms: how far they are apart along a few axes.
+"""Lower bounds on the distance of two geoms, from their separation along a few axes.
 
-Convex shapes whose centres are apart by d and whose half widths along a unit axis u are h1 and h2
-are at least `|u . d| - h1 - h2` apart (the separating axis theorem). The direction of the centres
-suits round shapes. Large boxes need the normals of their faces: the nearest point of a table is
-seldom in the direction of its centre. Beside a face, long round shapes need the directions across
-them; for pairs of spheres and capsules the exact geometry is hardly dearer than more axes.
+Two convex shapes with half widths h1 and h2 along a unit axis u, whose centres differ by d, are at
+least `|u . d| - h1 - h2` apart (separating axis theorem). The line of centres is a good axis for
+round shapes. Boxes need the normals of their faces, because the nearest point of a table is seldom
+in the direction of its centre. Against a face, long round shapes need the direction across their
+axis. Pairs of spheres and capsules use no further axes: their exact geometry is as cheap.
 
-Vectors are sequences of three numbers and products are written out. For all pairs of many shapes
-that is one kernel, which stores nothing for each pair but its bound.
+Vectors are sequences of three numbers and products are written out, so that the bounds of all pairs
+are one kernel, which stores only the bound of each pair.
 """
 
 import functools
@@ -61,7 +61,7 @@ HALF_WIDTH: dict[int, Callable[[Shape, Vector], Number]] = {
     BOX: _box,
     MESH: _box,
 }
-# Columns of a shape's rotation that are normals of flat faces.
+# Which columns of a shape's rotation matrix are normals of flat faces.
 FACES: dict[int, tuple[int, ...]] = {
     HFIELD: (0, 1, 2),
     CYLINDER: (2,),
@@ -71,7 +71,7 @@ LONG = CAPSULE, CYLINDER
 
 
 def distance_bound(types: tuple[int, int], first: Shape, second: Shape) -> Number:
-    """A number that no contact of the two shapes can have a smaller distance than.
+    """Lower bound on the distances of all contacts of two shapes (m).
 
     Args:
       types: types of the shapes, the lower number first.
@@ -83,7 +83,7 @@ def distance_bound(types: tuple[int, int], first: Shape, second: Shape) -> Numbe
         return _dot(first.axis, d) - HALF_WIDTH[types[1]](second, first.axis)
     shapes = tuple(zip(types, (first, second), strict=True))
     axes = [shape.mat[:, k] for kind, shape in shapes for k in FACES.get(kind, ())]
-    if types != (BOX, BOX):  # whose contacts, along normals, may be closer than their distance
+    if types != (BOX, BOX):  # contacts of boxes may have smaller distances than the boxes have
         axes += [_normalized(d)]
     if any(kind in FACES for kind in types):
         axes += [_across(shape.axis, d) for kind, shape in shapes if kind in LONG]
@@ -97,13 +97,13 @@ def _dot(a: Vector, b: Vector) -> Number:
 
 
 def _across(axis: Vector, d: Vector) -> Vector:
-    """The direction of d without its part along a unit axis."""
+    """Unit vector along the part of d that is orthogonal to a unit axis."""
     along = _dot(axis, d)
     return _normalized([d[k] - along * axis[k] for k in range(3)])
 
 
 def _normalized(v: list[Number]) -> Vector:
-    """A unit vector along v; any, if v is too short to have a direction."""
+    """A unit vector along v; the x axis if v is too short to have a direction."""
     length = jnp.sqrt(_dot(v, v))
     long = length > smallest_length(length)
     return [jnp.where(long, x / length, f) for x, f in zip(v, np.eye(3)[0], strict=True)]

@@ -1,9 +1,9 @@
-"""Which geom pairs may touch: MuJoCo's static filters, applied once when a model is built.
+"""Candidate pairs: the geom pairs that may collide, by MuJoCo's static filters.
 
-The rules are those of MuJoCo 3.17 (chapter "Computation", section "Collision detection"): dynamic
-pairs must pass the bit masks of `contype` and `conaffinity`, must not be welded together, must not
-both be unable to move, must not be parent and child, and must not be excluded; explicit `<pair>`s
-bypass all but the two laws of motion (no relative motion, no contact). Host-side numpy throughout.
+The filters are those of MuJoCo 3.17 (chapter "Computation", section "Collision detection"). Dynamic
+pairs must match by `contype` and `conaffinity`, must be able to move relative to each other, must
+not belong to a body and its parent, and must not be excluded. Explicit `<pair>`s only must be able
+to move relative to each other. All of this is static, in NumPy on the host.
 """
 
 import dataclasses
@@ -21,17 +21,17 @@ from jaxsim.model.facts import fact
 from jaxsim.model.names import Names
 from jaxsim.model.problems import raise_problems
 
-# An upper limit for all groups or kinds, or one for each, or none.
+# One upper limit for all groups (or kinds), one for each of them, or none.
 Limit = int | tuple[int, ...] | None
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class PairGroup:
-    """Candidate pairs that share a pair function and a kind; all arrays are (n,) and static.
+    """Candidate pairs with the same pair function and kind of contact; arrays are (n,), static.
 
     Attributes:
       types: the two types of geom, the lower number first.
-      kind: of the contacts.
+      kind: the kind of their contacts.
       geom1: first geom of each pair.
       geom2: second geom of each pair.
       pair: index of the explicit <pair>, -1 for dynamic pairs.
@@ -54,14 +54,14 @@ class PairGroup:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Candidates:
-    """The candidate pairs of a model and the budget for them.
+    """The candidate pairs of a model, and limits on the pairs evaluated and the contacts kept.
 
     Attributes:
-      groups: ordered by kind, then by types.
-      max_geom_pairs: exact geometry is evaluated for this many pairs of a group, or so many for one
-        group after the other; None means all.
-      max_contacts: this many contact slots are kept for each kind of contact, or so many for one
-        kind after the other; None means all.
+      groups: groups of pairs, ordered by kind, then by types.
+      max_geom_pairs: most pairs whose contacts are computed at a time step, for each group or as
+        one number for every group; None for all.
+      max_contacts: number of contact slots, for each kind of contact or as one number for every
+        kind; None for all possible contacts.
     """
 
     groups: tuple[PairGroup, ...]
@@ -70,7 +70,7 @@ class Candidates:
 
     @property
     def dynamic(self) -> bool:
-        """Whether slots are assigned at run time, because there are more pairs than the budget."""
+        """Whether pairs or contacts are selected at run time, because the limits are exceeded."""
         return self.pairs() != [len(g) for g in self.groups] or self.slots() != self._available()
 
     @property
@@ -86,28 +86,28 @@ class Candidates:
         return sum(self.slots())
 
     def by_kind(self) -> dict[ContactKind, list[PairGroup]]:
-        """The groups of each kind, in their order."""
+        """The groups of each kind, in order."""
         runs = itertools.groupby(self.groups, key=lambda g: g.kind)
         return {kind: list(groups) for kind, groups in runs}
 
     def pairs(self) -> list[int]:
-        """The number of pairs of each group whose exact geometry is evaluated."""
+        """Number of pairs of each group whose contacts are computed."""
         return _within(self.max_geom_pairs, [len(g) for g in self.groups])
 
     def slots(self) -> list[int]:
-        """The number of slots of each kind."""
+        """Number of contact slots of each kind."""
         return _within(self.max_contacts, self._available())
 
     def _available(self) -> list[int]:
-        """Slots of each kind that evaluated pairs could fill."""
-        filled: dict[ContactKind, int] = {}
+        """Largest number of contacts of each kind that the evaluated pairs can have."""
+        total: dict[ContactKind, int] = {}
         for group, pairs in zip(self.groups, self.pairs(), strict=True):
-            filled[group.kind] = filled.get(group.kind, 0) + pairs * group.slots_per_pair
-        return list(filled.values())
+            total[group.kind] = total.get(group.kind, 0) + pairs * group.slots_per_pair
+        return list(total.values())
 
 
 def _within(limits: Limit, sizes: list[int]) -> list[int]:
-    """Each size, but at most its limit."""
+    """The sizes, each reduced to its limit."""
     if limits is None:
         return sizes
     limits = limits if isinstance(limits, tuple) else (limits,) * len(sizes)
@@ -119,19 +119,18 @@ def find_candidates(
     max_geom_pairs: Limit = None,
     max_contacts: Limit = None,
 ) -> Candidates:
-    """All geom pairs of a model that could ever generate a contact force.
+    """All geom pairs of a model that may have contact forces.
 
     Args:
       model: a `Model`, a `mujoco.MjModel`, or anything with their fields.
-      max_geom_pairs: upper limit on the pairs per group whose exact geometry is evaluated.
-      max_contacts: upper limit on the contact slots kept for each kind of contact.
+      max_geom_pairs: see `Candidates`.
+      max_contacts: see `Candidates`.
 
     Returns:
       The pairs in a deterministic order.
 
     Raises:
-      ModelError: a pair of geoms may touch but no function handles their types, or a limit is not
-        positive.
+      ModelError: a pair of geoms may collide but has no pair function, or a limit is not positive.
     """
     for name, limit in (("max_geom_pairs", max_geom_pairs), ("max_contacts", max_contacts)):
         if limit is not None and np.min(limit, initial=1) < 1:
@@ -140,15 +139,16 @@ def find_candidates(
 
 
 def model_candidates(model: Any) -> Candidates:
-    """The candidates of a `Model` within its own budget."""
+    """The candidates of a `Model`, with the model's own limits."""
     return find_candidates(model, model.max_geom_pairs, model.max_contacts)
 
 
 @fact()
 def pair_groups(model: Any) -> tuple[PairGroup, ...]:
-    """All candidate pairs, ordered by kind, then by types, then by geoms; errors as there.
+    """All candidate pairs, ordered by kind, then by types, then by geoms.
 
-    A model that was loaded so drops pairs that no function handles.
+    Pairs without a pair function raise a `ModelError`, or are left out if the model was loaded with
+    `unsupported_pairs="drop"`.
     """
     rows = candidate_pairs(model)
     if getattr(model, "drops_pairs", False):
@@ -159,10 +159,10 @@ def pair_groups(model: Any) -> tuple[PairGroup, ...]:
 
 
 def candidate_pairs(model: Any) -> np.ndarray:
-    """The pairs that pass MuJoCo's static filters, whether or not their shapes are supported.
+    """The pairs that pass MuJoCo's static filters, with or without a pair function.
 
     Returns:
-      (n, 3) rows of first geom, second geom (of higher or equal type) and explicit pair or -1.
+      (n, 3) rows of first geom, second geom (of higher or equal type) and explicit pair, or -1.
     """
     flags = int(mujoco.mjtDisableBit.mjDSBL_CONTACT) | int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     if int(model.opt.disableflags) & flags:
@@ -172,7 +172,7 @@ def candidate_pairs(model: Any) -> np.ndarray:
 
 
 def _explicit_pairs(model: Any) -> np.ndarray:
-    """Rows (geom1, geom2, pair) of the explicit pairs whose geoms can move against each other."""
+    """Rows (geom1, geom2, pair) of explicit pairs whose geoms can move relative to each other."""
     rows = np.stack(
         [np.asarray(model.pair_geom1), np.asarray(model.pair_geom2), np.arange(model.npair)], axis=1
     ).astype(int)
@@ -180,7 +180,7 @@ def _explicit_pairs(model: Any) -> np.ndarray:
 
 
 def _dynamic_pairs(model: Any) -> np.ndarray:
-    """Rows (geom1, geom2, -1) of the pairs that pass every filter and are not explicit."""
+    """Rows (geom1, geom2, -1) of pairs that pass every filter and are not explicit."""
     geom1, geom2 = np.triu_indices(model.ngeom, k=1)
     keep = _can_move(model, geom1, geom2)
     keep &= _masks_match(model, geom1, geom2)
@@ -197,13 +197,13 @@ def _weld(model: Any, geom: np.ndarray) -> np.ndarray:
 
 
 def _can_move(model: Any, geom1: np.ndarray, geom2: np.ndarray) -> np.ndarray:
-    """Not welded together, and not both immovable."""
+    """Whether geoms can move relative to each other: not welded together and not both fixed."""
     apart = _weld(model, geom1) != _weld(model, geom2)
     return apart & (is_movable(model, geom1) | is_movable(model, geom2))
 
 
 def is_movable(model: Any, geom: np.ndarray) -> np.ndarray:
-    """Whether geoms have degrees of freedom; those of the world and of mocap bodies have none."""
+    """Whether geoms are moved by joints; those of the world and of mocap bodies are not."""
     return np.asarray(model.body_dofnum)[_weld(model, geom)] > 0
 
 
@@ -213,7 +213,7 @@ def _masks_match(model: Any, geom1: np.ndarray, geom2: np.ndarray) -> np.ndarray
 
 
 def _parent_and_child(model: Any, geom1: np.ndarray, geom2: np.ndarray) -> np.ndarray:
-    """Whether one body is the other's parent, up to welds; the world is nobody's parent here."""
+    """Whether one body is the other's parent, up to welds; the world does not count as a parent."""
     if int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT):
         return np.zeros(geom1.shape, bool)
     weld1, weld2 = _weld(model, geom1), _weld(model, geom2)
@@ -239,7 +239,7 @@ def _ordered_by_type(model: Any, rows: np.ndarray) -> np.ndarray:
 
 
 def _condim(model: Any, rows: np.ndarray) -> np.ndarray:
-    """That of the explicit pair, of the geom with the higher priority, or the larger of the two."""
+    """Condim of the explicit pair, of the geom of higher priority, or the larger of both geoms."""
     geom1, geom2, pair = rows.T
     condim, priority = np.asarray(model.geom_condim), np.asarray(model.geom_priority)
     largest = np.maximum(condim[geom1], condim[geom2])

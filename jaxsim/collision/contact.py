@@ -1,4 +1,4 @@
-"""`Contact`: everything that the constraint solver needs to know about the contacts."""
+"""`Contact`: geometry and parameters of contacts, the input of the constraint solver."""
 
 import dataclasses
 from typing import NamedTuple
@@ -9,11 +9,11 @@ from jaxtyping import Array, Bool, Float, Int
 
 
 class ContactKind(NamedTuple):
-    """What is known of a contact before it happens.
+    """Static properties of contacts.
 
     Attributes:
-      condim: its dimension.
-      movable: whether its first and its second geom have degrees of freedom.
+      condim: dimension of the contact force: 1, 3, 4 or 6.
+      movable: whether the first and the second geom are moved by joints.
     """
 
     condim: int
@@ -22,7 +22,7 @@ class ContactKind(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class SlotRange:
-    """Contact slots `start:stop`, which are all of one kind."""
+    """Contact slots `start:stop`, all of one kind."""
 
     start: int
     stop: int
@@ -43,24 +43,24 @@ class SlotRange:
 class Contact:
     """Contact slots of one environment, with MuJoCo's names.
 
-    The number of slots is fixed by the model; a slot generates force only where `active`.
+    The model fixes the number of slots nc. A slot holds a contact with force only where `active`.
 
     Attributes:
-      dist: signed distance between the surfaces.
-      pos: contact point in the world.
+      dist: signed distance between the surfaces (m), negative for overlap.
+      pos: contact point in world coordinates (m).
       frame: rows are the normal, from geom1 to geom2, and two tangents.
-      includemargin: a contact is active below this distance.
+      includemargin: distance below which a contact is active (m).
       friction: two tangential, one torsional and two rolling coefficients.
-      solref: reference of the normal direction.
-      solreffriction: reference of the friction directions; zeros mean that `solref` is used.
-      solimp: impedance.
-      geom1: first geom. A numpy array (static) when every candidate has its own slots, traced when
-        slots are assigned at run time.
-      geom2: second geom, likewise.
-      pair: index of the explicit <pair> that made the contact, -1 for the others, likewise.
-      overflow: number of contacts that did not fit into the slots; may also count contacts that a
-        bounding volume could not rule out, so 0 guarantees that nothing was lost.
-      ranges: consecutive ranges of slots of one kind each.
+      solref: `solref` of the normal direction.
+      solreffriction: `solref` of the friction directions; zeros mean that `solref` is used.
+      solimp: `solimp` of all directions.
+      geom1: first geom. A NumPy array (static) if every candidate has its own slots; traced if
+        contacts are selected at run time.
+      geom2: second geom, static or traced like `geom1`.
+      pair: explicit <pair> of the contact, -1 for none; static or traced like `geom1`.
+      overflow: upper bound on the number of contacts lost because of the limits on pairs and slots;
+        0 means that no contact was lost.
+      ranges: ranges of slots, one after the other, each of one kind.
     """
 
     dist: Float[Array, "nc"]
@@ -79,7 +79,7 @@ class Contact:
 
     @property
     def active(self) -> Bool[Array, "nc"]:
-        """Slots that generate force: closer than the margin. The gap plays no part."""
+        """Whether each slot may have force: its distance is below the margin, whatever the gap."""
         return self.dist < self.includemargin
 
     @property

@@ -1,9 +1,9 @@
-"""All contacts of an environment, from the poses of its geoms.
+"""Contacts of an environment from the poses of its geoms.
 
-Few candidates: every pair has its own slots and geom ids are static. Many candidates (see
-`Candidates.dynamic`): the pairs within reach of each other get the exact geometry, the active
-contacts get the slots, the deepest where there are too many, and geom ids are traced. Both return
-the same record.
+With few candidates, every pair has its own contact slots and geom ids are static. With many (see
+`Candidates.dynamic`), contacts are computed only for pairs that a lower bound on their distance
+does not rule out. The active contacts are then assigned to the slots, the deepest ones if there are
+too many, and geom ids are traced.
 """
 
 import dataclasses
@@ -28,15 +28,14 @@ from jaxsim.collision.selection import within_reach
 from jaxsim.collision.shapes import Contacts, Shape
 from jaxsim.collision.table import HFIELD, MESH, PAIRS
 
-# Where not more pairs than so many times the candidates can be made of their geoms, bounds of all
-# of them are computed: numbers of each geom are then read in order, once, and not gathered for each
-# pair.
-TABLE = 4
+# Lower bounds are computed for all combinations of the first and second geoms if these are at most
+# this factor times the candidates. This reads the data of each geom once, without gathers for
+# pairs. TABLE = 4
 
 
 @dataclasses.dataclass
 class _Slots:
-    """Contact slots under construction: geometry, and the pair to which each slot belongs."""
+    """Geometry of contact slots, and the geoms and explicit pair of each."""
 
     contacts: Contacts
     frame: Float[Array, "n 3 3"]
@@ -51,10 +50,10 @@ def detect(
     geom_xpos: Float[Array, "ngeom 3"],
     geom_xmat: Float[Array, "ngeom 3 3"],
 ) -> Contact:
-    """Evaluate the candidate pairs of a model.
+    """Contacts of the candidate pairs of a model.
 
     Args:
-      model: gives `geom_size` and the contact parameters.
+      model: the model; its `geom_size` and contact parameters are read.
       candidates: the pairs, from `find_candidates`.
       geom_xpos: positions of the geoms, world frame.
       geom_xmat: orientations of the geoms, geom to world.
@@ -89,10 +88,10 @@ def detect(
 def _evaluate(
     model: Any, group: PairGroup, shapes: Shape, count: int
 ) -> tuple[_Slots, Int[Array, ""] | int]:
-    """Exact geometry of so many pairs of a group, and how many others might be in contact."""
+    """Contacts of `count` pairs of a group, and how many others might be in contact."""
     ids, lost = (group.geom1, group.geom2, group.pair), 0
     if count < len(group):
-        # Which pairs are chosen has no derivative.
+        # The selection of pairs has no derivative.
         excess = lax.stop_gradient(_distance_bounds(group, shapes) - contact_margin(model, *ids))
         chosen, lost = within_reach(excess, count)
         ids = tuple(_take_ids(i, chosen) for i in ids)
@@ -109,7 +108,7 @@ def _evaluate(
 
 
 def _contacts(model: Any, group: PairGroup, shapes: Shape, geoms: Sequence[Index]) -> Contacts:
-    """The contacts of pairs of geoms that are some of a group's."""
+    """The contacts of some pairs of a group."""
     tables = _tables(model, group, shapes.pos.dtype)
     pair = zip(tables, geoms, strict=True)
     rows = [jnp.zeros(len(i), int) if table is None else table.rows(i) for table, i in pair]
@@ -127,7 +126,7 @@ def _contacts(model: Any, group: PairGroup, shapes: Shape, geoms: Sequence[Index
 
 
 def _tables(model: Any, group: PairGroup, dtype) -> list[Hulls | Fields | None]:
-    """What the shapes of each side have beside pose and size, if anything."""
+    """Tables of hulls or height fields for the first and the second geoms; None for primitives."""
     first = Fields(model, group.geom1, group.geom2, dtype) if group.types[0] == HFIELD else None
     sides = zip(group.types, (group.geom1, group.geom2), strict=True)
     hulls = [Hulls(model, geoms, dtype) if kind == MESH else None for kind, geoms in sides]
@@ -143,13 +142,13 @@ def _distance_bounds(group: PairGroup, shapes: Shape) -> Float[Array, "n"]:
         return jax.vmap(bound)(_take(shapes, group.geom1), _take(shapes, group.geom2))
     of_first = jax.vmap(bound, in_axes=(None, 0))
     table = jax.vmap(of_first, in_axes=(0, None))(_take(shapes, first), _take(shapes, second))
-    # The compiler would compute it again for each use.
+    # XLA would otherwise recompute it for each use.
     table = lax.optimization_barrier(table)
     return gather(table.reshape(-1), row * len(second) + column)
 
 
 def _deepest(model: Any, slots: _Slots, count: int) -> tuple[_Slots, Int[Array, ""] | int]:
-    """The slots inside their margin, at most the `count` deepest, and how many were left out."""
+    """The active slots, at most the `count` deepest, and how many others are active."""
     dist = slots.contacts.dist
     if len(dist) <= count:
         return slots, 0
@@ -157,7 +156,7 @@ def _deepest(model: Any, slots: _Slots, count: int) -> tuple[_Slots, Int[Array, 
     chosen, lost = within_reach(lax.stop_gradient(dist - margin.astype(dist.dtype)), count)
     contacts = jax.tree.map(lambda x: x[chosen], slots.contacts)
     ids = (_take_ids(getattr(slots, name), chosen) for name in _IDS)
-    # Frames of the chosen only: those of all are not used then, and not computed.
+    # Frames of the chosen slots only; XLA then removes the computation of all others.
     return _Slots(contacts, contacts.frame, *ids), lost
 
 
@@ -177,7 +176,7 @@ def _join_ids(ids: list[Int[Array, "_"] | np.ndarray]) -> Index:
 
 
 def _take_ids(ids: Index, chosen: Int[Array, "k"]) -> Any:
-    """Static where all are the same, say of the ground: what they look up is then not gathered."""
+    """The chosen ids; static if all ids are equal, as those of a floor, which avoids gathers."""
     if isinstance(ids, np.ndarray) and len(set(ids.tolist())) == 1:
         return np.full(chosen.shape[0], ids[0])
     return jnp.asarray(ids)[chosen]

@@ -1,4 +1,4 @@
-"""The height fields of a group of geoms, looked up by row."""
+"""Tables of the height fields of a group of geoms."""
 
 from typing import Any
 
@@ -12,10 +12,17 @@ from jaxsim.collision.shapes import HeightField, Shape
 
 
 class Fields:
-    """Tables of height fields, and how many cells of them must be tried."""
+    """Tables of height fields, and the number of cells that must be tested."""
 
     def __init__(self, model: Any, fields: np.ndarray, others: np.ndarray, dtype):
-        """Those of some geoms, against some others."""
+        """Build the tables.
+
+        Args:
+          model: the model.
+          fields: geoms with height fields.
+          others: the geoms that may touch them.
+          dtype: type of the numbers.
+        """
         self.geom_field = model.geom_field
         count, size = model.field_count[:, ::-1], model.field_size
         step = 2 * size[:, :2] / (count - 1)
@@ -25,11 +32,11 @@ class Fields:
         self.size, self.step = jnp.asarray(size, dtype), jnp.asarray(step, dtype)
 
     def rows(self, geoms: Index) -> Index:
-        """The rows of geoms."""
+        """The row of each geom's height field."""
         return gather(self.geom_field, geoms)
 
     def complete(self, shape: Shape, row: Int[Array, ""]) -> Shape:
-        """A shape with the field in a row."""
+        """The shape with the height field in a row."""
         size = self.size[row]
         placed = row, self.count[row], self.step[row], size[:2], size[3]
         return shape.replace(field=HeightField(self.heights, *placed, window=self.window))

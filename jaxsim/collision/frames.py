@@ -1,21 +1,21 @@
-"""Directions and contact frames without singular values or derivatives."""
+"""Directions and contact frames with finite values and derivatives everywhere."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 
 def smallest_length(x: Float[Array, "..."]) -> float:
-    """Length below which a vector of this precision has no direction: MuJoCo's 1e-15 in float64."""
+    """Length below which a vector has no direction; 1e-15 in float64, as in MuJoCo."""
     return 4.5 * float(jnp.finfo(x.dtype).eps)
 
 
 def direction(
     v: Float[Array, "3"], fallback: Float[Array, "3"]
 ) -> tuple[Float[Array, "3"], Float[Array, ""]]:
-    """Unit vector along `v` and the length of `v`.
+    """Unit vector along `v`, and the length of `v`.
 
-    A vector too short to have a direction returns `fallback` and length 0; its derivatives are then
-    those of `fallback` and 0, which is the mean of the one-sided derivatives of the length.
+    For a vector that is too short they are `fallback` and 0. The derivative of the length is then
+    0, the mean of its one-sided derivatives.
     """
     square = v @ v
     regular = square > smallest_length(v) ** 2
@@ -29,20 +29,20 @@ def unit(index: int, like: Float[Array, "..."]) -> Float[Array, "3"]:
 
 
 def tangent_of(normal: Float[Array, "3"]) -> Float[Array, "3"]:
-    """First tangent where nothing but the normal is known, as `contact_frame` takes it.
+    """The argument `tangent` of `contact_frame` if the pair has no preferred tangent.
 
-    The world's y axis, or its z axis where the normal is within 60 degrees of y (MuJoCo's
-    `mju_makeFrame`).
+    It is the world's y axis, or its z axis if the normal is within 60 degrees of y, as in MuJoCo's
+    `mju_makeFrame`.
     """
     steep = jnp.abs(normal[1]) >= 0.5
     return jnp.where(steep, unit(2, normal), unit(1, normal))
 
 
 def tangent_along(axis: Float[Array, "3"], normal: Float[Array, "3"]) -> Float[Array, "3"]:
-    """First tangent along an axis, as `contact_frame` takes it.
+    """The argument `tangent` of `contact_frame` for a first tangent along an axis.
 
-    An axis parallel to the normal has no projection. The world's x axis (y where the normal is
-    close to x) takes its place, as in MuJoCo, which does not make it orthogonal to the normal.
+    An axis parallel to the normal is replaced by the world's x axis, or by y if the normal is close
+    to x, as in MuJoCo (which does not make it orthogonal to the normal).
     """
     across = jnp.cross(normal, axis)
     parallel = across @ across < smallest_length(across) ** 2
@@ -55,7 +55,7 @@ def contact_frame(normal: Float[Array, "3"], tangent: Float[Array, "3"]) -> Floa
 
     Args:
       normal: the normal.
-      tangent: what the first tangent is the direction of, once projected on the tangent plane.
+      tangent: vector whose projection on the tangent plane is along the first tangent.
     """
     # A double cross product, unlike t - n (n . t), stays orthogonal to the normal in float32 even
     # when t is almost parallel to it.

@@ -1,4 +1,4 @@
-"""The hulls of a group of geoms, looked up by row."""
+"""Tables of the convex hulls of a group of geoms."""
 
 from typing import Any
 
@@ -11,10 +11,10 @@ from jaxsim.collision.shapes import Hull, Shape
 
 
 class Hulls:
-    """Tables of the hulls of some meshes, no larger than the largest of them.
+    """Tables of hulls, cut to the largest number of corners and faces among some geoms.
 
     Attributes:
-      geom_hull: (ngeom,) row of each geom.
+      geom_hull: (ngeom,) row of each geom's hull.
       corner, normal, face: see `Hull`.
     """
 
@@ -31,9 +31,9 @@ class Hulls:
         self.face = jnp.asarray(model.hull_face[:, :faces], dtype)
 
     def rows(self, geoms: Index) -> Index:
-        """The rows of geoms."""
+        """The row of each geom's hull."""
         return gather(self.geom_hull, geoms)
 
     def complete(self, shape: Shape, row: Int[Array, ""]) -> Shape:
-        """A shape with the hull in a row."""
+        """The shape with the hull in a row."""
         return shape.replace(hull=Hull(self.corner[row], self.normal[row], self.face, row))

@@ -1,9 +1,9 @@
-"""Parameters of a contact from those of its two geoms, or of its explicit pair.
+"""Parameters of a contact, from those of its two geoms or of its explicit pair.
 
 MuJoCo 3.17, chapter "Computation", section "Contact parameters". The margin of a contact is the sum
-of its geoms' margins: below it the contact is active, and there its constraint is not violated yet.
-The gap widens detection only: MuJoCo lists contacts between margin and margin + gap, which generate
-no force.
+of its geoms' margins. Below this distance the contact is active, and at it the constraint is not
+yet violated. The gap has no effect here: MuJoCo lists contacts between margin and margin + gap, but
+they have no force.
 """
 
 import dataclasses
@@ -31,7 +31,7 @@ class Surface:
     priority: Int[Array, ""]
 
 
-# The model's leaf that each of them comes from.
+# The leaf of the model for each field of `Surface`.
 SURFACE_LEAVES = {f.name: f"geom_{f.name}" for f in dataclasses.fields(Surface)}
 
 
@@ -74,7 +74,7 @@ def contact_parameters(model: Any, geom1: Index, geom2: Index, pair: Index) -> P
 
 
 def contact_margin(model: Any, geom1: Index, geom2: Index, pair: Index) -> Float[Array, "n"]:
-    """Distance below which contacts are active: the geoms' sum, or the explicit pair's margin."""
+    """Distance below which contacts are active: sum of the geoms' margins, or the pair's margin."""
     margin = gather(model.geom_margin, geom1) + gather(model.geom_margin, geom2)
     if _overridden(model):
         return jnp.full_like(margin, model.opt.o_margin)
@@ -86,10 +86,10 @@ def mix(
 ) -> tuple[Float[Array, "3"], Float[Array, "2"], Float[Array, "5"]]:
     """Friction, solref and solimp of two surfaces in contact.
 
-    The surface of higher priority decides alone. At equal priority friction is the larger one,
-    element by element, and `w first + (1 - w) second`, `w = solmix1 / (solmix1 + solmix2)`, gives
-    solimp and solref; if a solref is in the direct format (stiffness and damping, negative numbers)
-    the smaller one is used instead.
+    They are those of the surface of higher priority. At equal priority, friction is the elementwise
+    maximum, and solimp and solref are `w first + (1 - w) second` with the weight
+    `w = solmix1 / (solmix1 + solmix2)`. If a solref is in the direct format (negative stiffness and
+    damping), solref is the elementwise minimum.
     """
     weight = mixing_weight(first.solmix, second.solmix)
     mixed = weight * first.solref + (1 - weight) * second.solref
@@ -110,7 +110,7 @@ def mix(
 
 
 def mixing_weight(solmix1: Float[Array, ""], solmix2: Float[Array, ""]) -> Float[Array, ""]:
-    """Weight of the first of two surfaces; a vanishing solmix loses, two of them draw."""
+    """Weight of the first of two surfaces; with zero solmix it is 0, or 0.5 if both are zero."""
     none1, none2 = solmix1 < MINVAL, solmix2 < MINVAL
     regular = ~none1 & ~none2
     ratio = jnp.where(regular, solmix1, 1.0) / jnp.where(regular, solmix1 + solmix2, 1.0)
@@ -135,21 +135,21 @@ def _overridden(model: Any) -> bool:
 
 
 def _with_override(model: Any, values: Parameters) -> Parameters:
-    """Every contact gets the options `o_*`; its `solreffriction` becomes `o_solref` too."""
+    """The options `o_*` as the parameters of every contact; `solreffriction` is `o_solref`."""
     return values.replace(
-        friction=_everywhere(model.opt.o_friction, values.friction),
-        solref=_everywhere(model.opt.o_solref, values.solref),
-        solreffriction=_everywhere(model.opt.o_solref, values.solref),
-        solimp=_everywhere(model.opt.o_solimp, values.solimp),
+        friction=_for_each_row(model.opt.o_friction, values.friction),
+        solref=_for_each_row(model.opt.o_solref, values.solref),
+        solreffriction=_for_each_row(model.opt.o_solref, values.solref),
+        solimp=_for_each_row(model.opt.o_solimp, values.solimp),
     )
 
 
-def _everywhere(value: Float[Array, "k"], like: Float[Array, "n k"]) -> Float[Array, "n k"]:
+def _for_each_row(value: Float[Array, "k"], like: Float[Array, "n k"]) -> Float[Array, "n k"]:
     return jnp.broadcast_to(jnp.asarray(value, like.dtype)[None], like.shape)
 
 
 def _choose(model: Any, pair: Index, of_pairs, of_geoms):
-    """Rows of `of_pairs` where there is an explicit pair, else of `of_geoms`."""
+    """Rows of `of_pairs` for contacts of explicit pairs, rows of `of_geoms` for all others."""
     explicit = pair >= 0
     if model.npair == 0 or (isinstance(pair, np.ndarray) and not explicit.any()):
         return of_geoms

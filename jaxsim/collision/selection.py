@@ -1,9 +1,9 @@
-"""Which candidates get the exact geometry and the contact slots: those within reach.
+"""Selection of the candidates that are within reach, in a fixed number of slots.
 
-There may be thousands of candidates and few of them close, so nothing is sorted. Each candidate
-within reach sets a bit, and the j-th set bit is found by walking down a tree of counts, first to a
-word and then by halves of it (rank and select: Jacobson, "Space-efficient static trees and graphs",
-1989). All of this is arithmetic on long vectors.
+There may be thousands of candidates of which few are close, so nothing is sorted. Each candidate
+within reach sets a bit. The j-th set bit is found by descending a tree of counts, first to a word
+and then to halves of it (rank and select: Jacobson, "Space-efficient static trees and graphs",
+1989). All of this is vector arithmetic.
 """
 
 import jax.numpy as jnp
@@ -17,24 +17,24 @@ WORD = 32
 def within_reach(
     excess: Float[Array, "n"], count: int
 ) -> tuple[Int[Array, "{count}"], Int[Array, ""]]:
-    """Candidates of negative excess, the lowest of them where there are more than `count`.
+    """Candidates with negative excess, the `count` lowest if there are more.
 
     Args:
-      excess: what a candidate's distance exceeds its reach by. A NaN counts as negative, so that
-        it is not lost.
-      count: the number of places, less than n.
+      excess: distance minus reach of each candidate. NaN counts as negative, so that it is not
+        lost.
+      count: number of slots, less than n.
 
     Returns:
-      Candidates in increasing order, and in places that are left over one that is out of reach;
-      and how many within reach found no place.
+      Indices of the candidates in increasing order; slots that are left over have the index of a
+      candidate out of reach. And the number of candidates within reach that are not included.
     """
     reached = ~(excess >= 0)
     chosen = _lowest(excess, reached, count)
-    return set_places(chosen, count), jnp.sum(reached) - jnp.minimum(jnp.sum(chosen), count)
+    return set_indices(chosen, count), jnp.sum(reached) - jnp.minimum(jnp.sum(chosen), count)
 
 
-def set_places(mask: Bool[Array, "n"], count: int) -> Int[Array, "{count}"]:
-    """The first `count` places where the mask is set, then a place where it is not."""
+def set_indices(mask: Bool[Array, "n"], count: int) -> Int[Array, "{count}"]:
+    """The first `count` indices where the mask is set, then an index where it is not."""
     words = _words(mask)
     levels = [lax.population_count(words).astype(jnp.int32)]
     while len(levels[-1]) > 1:
@@ -42,53 +42,56 @@ def set_places(mask: Bool[Array, "n"], count: int) -> Int[Array, "{count}"]:
         levels.append(jnp.sum(pairs, axis=1))
     rank = lax.iota(jnp.int32, count)
     exists = rank < levels[-1]
-    place = jnp.zeros_like(rank)
+    index = jnp.zeros_like(rank)
     for level in reversed(levels[:-1]):
-        rank, place = _descend(rank, 2 * place, jnp.take(level, 2 * place, mode="clip"), 1)
-    word, place = jnp.take(words, place, mode="clip"), WORD * place
+        rank, index = _descend(rank, 2 * index, jnp.take(level, 2 * index, mode="clip"), 1)
+    word, index = jnp.take(words, index, mode="clip"), WORD * index
     for width in (16, 8, 4, 2, 1):
-        half = (word >> (place % WORD).astype(word.dtype)) & np.uint32((1 << width) - 1)
+        half = (word >> (index % WORD).astype(word.dtype)) & np.uint32((1 << width) - 1)
         below = lax.population_count(half).astype(rank.dtype)
-        rank, place = _descend(rank, place, below, width)
-    unset = jnp.max(jnp.where(mask, 0, lax.iota(place.dtype, len(mask))))
-    # The compiler would compute the walk again for each use.
-    return lax.optimization_barrier(jnp.where(exists, place, unset))
+        rank, index = _descend(rank, index, below, width)
+    unset = jnp.max(jnp.where(mask, 0, lax.iota(index.dtype, len(mask))))
+    # XLA would otherwise recompute the descent for each use.
+    return lax.optimization_barrier(jnp.where(exists, index, unset))
 
 
-def _descend(rank, place, count, step: int):
-    """To the part at `place`, which holds `count` of the set bits, or to the next, `step` later."""
+def _descend(rank, index, count, step: int):
+    """Descend to the part at `index`, with `count` set bits, or to the next one, `step` later."""
     beyond = rank >= count
-    return jnp.where(beyond, rank - count, rank), jnp.where(beyond, place + step, place)
+    return jnp.where(beyond, rank - count, rank), jnp.where(beyond, index + step, index)
 
 
 def _words(mask: Bool[Array, "n"]) -> UInt32[Array, "w"]:
-    """The mask with one bit for each place."""
+    """The mask packed into words, one bit for each element."""
     bits = jnp.pad(mask, (0, -len(mask) % WORD)).reshape(-1, WORD).astype(jnp.uint32)
     return jnp.sum(bits << np.arange(WORD, dtype=np.uint32)[None], axis=1, dtype=jnp.uint32)
 
 
 def _lowest(excess: Float[Array, "n"], reached: Bool[Array, "n"], count: int) -> Bool[Array, "n"]:
-    """All within reach, or where these are more than `count` the lowest; of equals the first."""
+    """Mask of the candidates within reach, or of the `count` lowest; the first among equals."""
     zero = jnp.zeros_like(excess[0])
     order = lax.iota(excess.dtype, len(excess))
-    few = lambda mask: jnp.sum(mask) <= count  # noqa: E731
+    fits = lambda mask: jnp.sum(mask) <= count  # noqa: E731
     below = lambda limit: ~(excess >= limit)  # noqa: E731
-    crowded = ~few(reached)
+    crowded = ~fits(reached)
     lowest = jnp.min(jnp.where(excess < 0, excess, zero))
-    low, high = _bisected(lambda limit: few(below(limit)), lowest, zero, crowded)
+    low, high = _bisected(lambda limit: fits(below(limit)), lowest, zero, crowded)
     first = lambda number: below(low) | below(high) & (order < number)  # noqa: E731
-    number, _ = _bisected(lambda number: few(first(number)), zero, zero + len(excess), crowded)
+    number, _ = _bisected(lambda number: fits(first(number)), zero, zero + len(excess), crowded)
     return jnp.where(crowded, first(number), reached)
 
 
 def _bisected(holds, low, high, wanted):
-    """Neighbouring numbers, at the first of which it still holds, where that is wanted."""
+    """Bisect to adjacent numbers `low` and `high` such that `holds(low)` and not `holds(high)`.
+
+    Only where `wanted`; elsewhere the interval is returned as it is.
+    """
 
     def narrow(bracket):
         low, high = bracket
         middle = 0.5 * (low + high)
-        there = holds(middle)
-        return jnp.where(there, middle, low), jnp.where(there, high, middle)
+        holds_there = holds(middle)
+        return jnp.where(holds_there, middle, low), jnp.where(holds_there, high, middle)
 
     def wide(bracket):
         low, high = bracket

@@ -1,6 +1,6 @@
-"""Records of the shape-against-shape layer: a posed shape, and the contacts of two of them.
+"""Arguments and results of pair functions: posed shapes, and contacts of two shapes.
 
-Nothing here knows about robots, bodies or models.
+They do not depend on robots, bodies or models.
 """
 
 import jax
@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, Int
 
 from jaxsim.collision.frames import contact_frame
 
-# Distance of a slot that holds no contact: finite, and beyond any margin.
+# Distance in a slot without a contact: finite and larger than any margin.
 INACTIVE = 1e6
 
 
@@ -18,15 +18,15 @@ INACTIVE = 1e6
 class Hull:
     """The convex hull of a mesh, in units of the shape's size.
 
-    Meshes of different size are padded by repeating the first corner and the first face, and in
-    each face the last corner.
+    Hulls of different size are padded by repeating the first corner and the first face, and in each
+    face the last corner.
 
     Attributes:
-      corner: positions in the shape's axes.
-      normal: outward normals of the faces; of any length.
-      faces: corners around each face of all hulls, counterclockwise seen from outside. One of them
-        is needed, so the others are not gathered.
-      row: which of these hulls it is.
+      corner: positions of the corners in the shape's axes.
+      normal: outward normals of the faces, of any length.
+      faces: corners around each face of all hulls, counterclockwise seen from outside. The table of
+        all hulls is stored, because only one face of it is gathered.
+      row: row of this hull in `faces`.
     """
 
     corner: Float[Array, "v 3"]
@@ -37,16 +37,17 @@ class Hull:
 
 @struct.dataclass
 class HeightField:
-    """A height field around its origin, in its shape's axes.
+    """A height field centred at its origin, in its shape's axes; lengths in metres.
 
     Attributes:
-      heights: of the points of all fields, rows along y, columns along x.
-      row: which of these fields it is.
-      count: numbers of its columns and rows.
-      step: lengths of its cells.
-      extent: its half-lengths.
+      heights: heights of the points of all fields, rows along y, columns along x.
+      row: row of this field in `heights`.
+      count: its numbers of columns and rows.
+      step: lengths of its cells along x and y.
+      extent: its half-lengths along x and y.
       base: depth of the ground below the origin.
-      window: so many cells along either axis are tried, enough for what may lie on it.
+      window: number of cells along each axis that are tested, enough for all geoms that may lie on
+        it.
     """
 
     heights: Float[Array, "h r c"]
@@ -67,9 +68,9 @@ class Shape:
       mat: rotation from the shape's axes to world axes; a plane's normal and the axis of a capsule
         or cylinder are its third column.
       size: MuJoCo's `geom_size`: radius (sphere), radius and half-length (capsule, cylinder),
-        half-lengths (box), semi-axes (ellipsoid); X
-      hull: of a mesh.
-      field: of a height field.
+        half-lengths (box), semi-axes (ellipsoid), largest coordinates (mesh).
+      hull: convex hull, for a mesh.
+      field: heights, for a height field.
     """
 
     pos: Float[Array, "3"]
@@ -85,7 +86,7 @@ class Shape:
 
     @property
     def corners(self) -> Float[Array, "v 3"]:
-        """Of a mesh, in the shape's axes."""
+        """Corners of a mesh's hull in the shape's axes (m)."""
         if self.hull is None:
             raise ValueError("the shape of a mesh needs a hull")
         return self.hull.corner * self.size[None]
@@ -93,14 +94,14 @@ class Shape:
 
 @struct.dataclass
 class Contacts:
-    """The contacts of one pair of shapes, in a number k of slots that depends on the pair only.
+    """The contacts of two shapes; their number k depends only on the types of the shapes.
 
     Attributes:
-      dist: signed distance, negative when the shapes overlap; `INACTIVE` in an empty slot.
-      pos: midpoint between the two surfaces, world frame.
-      normal: (k, 3) unit normals, from the first shape to the second; (1, 3) if all are the same.
-      tangent: like the normals, vectors whose projections on the tangent planes are along the first
-        tangents.
+      dist: signed distance (m), negative if the shapes overlap; `INACTIVE` in an empty slot.
+      pos: midpoint between the two surfaces, world frame (m).
+      normal: (k, 3) unit normals, from the first shape to the second; (1, 3) if all are equal.
+      tangent: (k, 3) or (1, 3) vectors; their projections on the tangent planes are along the
+        first tangents.
     """
 
     dist: Float[Array, "k"]

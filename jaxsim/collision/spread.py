@@ -1,12 +1,12 @@
-"""A few contacts out of many that support a face as well as all of them."""
+"""Selection of a few contacts that support a face as well as all of them."""
 
 import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Float
 
-# Faces lie on each other up to this angle, which is MuJoCo's: its sine and cosine.
+# Sine and cosine of the largest angle between faces that lie on each other, as in MuJoCo.
 SINE, COSINE = 0.0889, 0.99604
-# Points closer than this to a line are on it, relative to how far they extend.
+# Points count as collinear if they are closer to a line than this fraction of its length.
 CLOSE = 1e-3
 
 
@@ -17,17 +17,17 @@ def spread(
     normal: Float[Array, "3"],
     count: int,
 ) -> tuple[Bool[Array, "{count} n"], Bool[Array, "{count}"]]:
-    """The deepest point, the one furthest from it, and two that make a large quadrilateral.
+    """The deepest point, the point furthest from it, and two that span a large quadrilateral.
 
     Args:
-      points: where contacts may be.
-      dist: their distances; infinite where there is none.
-      weight: how much being far from the others counts for each.
+      points: positions of possible contacts.
+      dist: their distances; infinite for those that do not exist.
+      weight: factor of each point's distance from the others.
       normal: unit normal of the contacts.
-      count: how many are wanted, 2 or 4.
+      count: number of contacts to select, 2 or 4.
 
     Returns:
-      For each of them a mask with one element set, and which there are.
+      For each selected contact a mask with one element set, and whether it exists.
     """
     deepest = one_hot(-dist)
     from_deepest = points - pick(deepest, points)[None]
@@ -36,7 +36,7 @@ def spread(
     along = pick(furthest, from_deepest)
     chosen, exists = [deepest, furthest], [jnp.any(dist < jnp.inf), jnp.max(length) > 0]
     if count > 2:
-        # The point of the largest triangle, and that of the largest triangle outside it.
+        # The point that makes the largest triangle, and the one that adds the largest area to it.
         beside = from_deepest @ jnp.cross(normal, along)
         third = one_hot(weight * jnp.abs(beside))
         side = jnp.where(pick(third, beside) > 0, -1, 1)
@@ -51,25 +51,27 @@ def spread(
 
 
 def levelness(rise: Float[Array, "n"], apart: Float[Array, "n"]) -> Float[Array, "n"]:
-    """One where a point is as deep as the deepest, zero where it is no contact any more.
+    """Weight of each point: one for the depth of the deepest point, falling to zero.
+
+    It is zero where the line to the deepest point has the largest angle of `SINE`.
 
     Args:
-      rise: how much larger its distance is than that of the deepest one.
-      apart: how far it is from the deepest one.
+      rise: distance of each point minus that of the deepest point.
+      apart: length from each point to the deepest point.
     """
     reach = SINE * apart
     return jnp.where(rise < reach, 1 - rise / jnp.where(reach > 0, reach, 1), 0)
 
 
 def one_hot(x: Float[Array, "n"]) -> Bool[Array, "n"]:
-    """Where the largest element is, of equals the first."""
-    # Computed once: were it computed again, rounded otherwise, none would be the largest.
+    """Mask of the largest element; the first among equals."""
+    # The barrier keeps XLA from recomputing x with other rounding, so that no element is equal.
     x = lax.optimization_barrier(lax.stop_gradient(x))
     order = jnp.arange(len(x), dtype=jnp.int32)
     return order == jnp.min(jnp.where(x == jnp.max(x), order, len(x)))
 
 
 def pick(mask: Bool[Array, "n"], x: Float[Array, "n *k"]) -> Float[Array, "*k"]:
-    """The element where the mask is set."""
+    """The element of x at which the mask, with one element set, is true."""
     mask = mask.reshape(-1, *(1,) * (x.ndim - 1))
     return jnp.sum(jnp.where(mask, x, jnp.zeros_like(x)), axis=0, dtype=x.dtype)

@@ -1,7 +1,7 @@
-"""Which function handles which pair of shape types.
+"""The table of pair functions, by the types of both shapes.
 
 To support another pair, write a function `(first, second) -> Contacts` under `pairs/` and add a
-line here. The lower type number (`mujoco.mjtGeom`) comes first, as in MuJoCo.
+line here. The shape with the lower type number (`mujoco.mjtGeom`) comes first, as in MuJoCo.
 """
 
 import dataclasses
@@ -90,10 +90,10 @@ PAIRS: dict[tuple[int, int], PairFunction] = {
 
 
 def type_name(geom_type: int) -> str:
-    """MJCF's word for a type number: `type_name(3) == "capsule"`."""
+    """MJCF's name of a geom type: `type_name(3) == "capsule"`."""
     return constant_name("mjtGeom", geom_type).lower()
 
 
 def supported_pairs() -> str:
-    """The pairs of the table in words, for messages."""
+    """The pairs of the table as text for messages."""
     return ", ".join(f"{type_name(a)}-{type_name(b)}" for a, b in PAIRS)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jaxsim
-from jaxsim.collision.selection import set_places, within_reach
+from jaxsim.collision.selection import set_indices, within_reach
 
 # Around the length of a word, of many words, and not a power of two.
 SIZES = [(2, 1), (31, 4), (32, 31), (33, 32), (65, 64), (300, 7), (2560, 80)]
@@ -14,12 +14,12 @@ SIZES = [(2, 1), (31, 4), (32, 31), (33, 32), (65, 64), (300, 7), (2560, 80)]
 
 @pytest.mark.parametrize(("n", "count"), SIZES)
 @pytest.mark.parametrize("share", [0.0, 0.02, 0.5, 1.0])
-def test_places_are_those_of_the_mask(n, count, share, rng):
+def test_indices_are_those_of_the_mask(n, count, share, rng):
     mask = rng.random(n) < share
-    places = np.asarray(jax.jit(set_places, static_argnums=1)(mask, count))
+    indices = np.asarray(jax.jit(set_indices, static_argnums=1)(mask, count))
     expected = np.nonzero(mask)[0][:count]
-    np.testing.assert_array_equal(places[: len(expected)], expected)
-    assert not mask[places[len(expected) :]].any()
+    np.testing.assert_array_equal(indices[: len(expected)], expected)
+    assert not mask[indices[len(expected) :]].any()
 
 
 @pytest.mark.parametrize(("n", "count"), SIZES)
@@ -27,10 +27,10 @@ def test_the_lowest_within_reach_are_chosen_and_the_others_counted(n, count, rng
     """From none within reach to all, in a batch of which only some have too many."""
     excess = rng.standard_normal((20, n)) + np.linspace(-4, 4, 20)[:, None]
     chosen, lost = map(np.asarray, jax.jit(jax.vmap(lambda x: within_reach(x, count)))(excess))
-    for x, places, left_out in zip(excess, chosen, lost, strict=True):
+    for x, indices, left_out in zip(excess, chosen, lost, strict=True):
         expected = np.sort(np.argsort(x)[: min(count, (x < 0).sum())])
-        np.testing.assert_array_equal(places[: len(expected)], expected)
-        assert (x[places[len(expected) :]] >= 0).all()
+        np.testing.assert_array_equal(indices[: len(expected)], expected)
+        assert (x[indices[len(expected) :]] >= 0).all()
         assert left_out == (x < 0).sum() - len(expected)
     assert (lost > 0).any()
     assert (lost == 0).any()

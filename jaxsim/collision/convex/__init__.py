@@ -1,8 +1,8 @@
-"""Convex solids: signed distance, normal and contact points of any two of them.
+"""Contacts of two convex solids: signed distance, normal and contact points.
 
-`solid` says what a solid is, `search` finds where two of them touch, `touch` computes it again with
-the features that touch held fixed, so that it has derivatives, and `manifold` gives faces that lie
-on each other several contacts.
+`solid` defines the interface of a solid. `search` finds the features of two solids that touch.
+`touch` solves for normal and points with these features held fixed, which makes them
+differentiable. `manifold` finds several contacts where faces lie on each other.
 """
 
 from jaxsim.collision.convex.contacts import convex_pair

@@ -1,4 +1,4 @@
-"""Contacts of two convex solids."""
+"""`convex_pair`: pair functions of convex solids."""
 
 from collections.abc import Callable
 
@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxsim.collision.convex.manifold import Manifold, manifold
-from jaxsim.collision.convex.search import Two, search
+from jaxsim.collision.convex.search import SolidPair, search
 from jaxsim.collision.convex.solid import Solid
 from jaxsim.collision.convex.touch import touch
 from jaxsim.collision.frames import tangent_of
@@ -16,15 +16,15 @@ from jaxsim.collision.shapes import INACTIVE, Contacts, Shape
 def convex_pair(
     first: type[Solid], second: type[Solid]
 ) -> tuple[Callable[[Shape, Shape], Contacts], int]:
-    """The pair function of two kinds of solid, and the number of its contacts."""
+    """The pair function of two kinds of solid, and its number of contact slots."""
     count = min(first.max_contacts, second.max_contacts)
 
     def pair(shape1: Shape, shape2: Shape) -> Contacts:
-        two = Two(first(shape1), second(shape2))
-        fixed = Two(first(lax.stop_gradient(shape1)), second(lax.stop_gradient(shape2)))
-        found = touch(two, search(fixed))
-        several = manifold(two, found, count) if count > 1 else Manifold.of(found)
-        radius1, radius2 = two.first.radius, two.second.radius
+        solids = SolidPair(first(shape1), second(shape2))
+        fixed = SolidPair(first(lax.stop_gradient(shape1)), second(lax.stop_gradient(shape2)))
+        found = touch(solids, search(fixed))
+        several = manifold(solids, found, count) if count > 1 else Manifold.of(found)
+        radius1, radius2 = solids.first.radius, solids.second.radius
         normal = shape1.mat @ several.normal
         middle = several.middle + several.normal[None] * ((radius1 - radius2) / 2)
         pos = shape1.pos[None] + middle @ shape1.mat.T

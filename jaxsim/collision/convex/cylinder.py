@@ -1,4 +1,4 @@
-"""Cylinders, as the general routine sees them."""
+"""The cylinder as a convex solid."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -8,14 +8,14 @@ from jaxsim.collision.convex.solid import Facet, Solid
 from jaxsim.collision.frames import unit
 from jaxsim.collision.spread import COSINE, SINE
 
-# A cylinder stands on its cap, or lies on its side, up to this sine.
+# Below this sine of the angle to its axis, a normal counts as parallel to the axis.
 LEVEL = 1e-7
-# Corners of the polygon that stands for a cap where it lies flat; MuJoCo takes as many.
+# Number of corners of the polygon that replaces a cap in face contacts, as in MuJoCo.
 SIDES = 16
 
 
 class Cylinder(Solid):
-    """The upper rim has number 1, the lower one 0."""
+    """A cylinder along its third axis; the upper rim has number 1, the lower rim 0."""
 
     curved = True
     capped = True
@@ -34,12 +34,12 @@ class Cylinder(Solid):
 
     def point(self, vertex, n):
         """See `Solid`."""
-        # On the cap all directions are as good: the vertex stays where it is.
+        # If n is normal to the cap, any point of the rim is a support point: keep the vertex.
         here, _ = self._radial(vertex[0], jnp.zeros_like(n))
         radial, sine = self._radial(n, here)
         return self._rim(jnp.where(sine > LEVEL, radial, here), vertex[1])
 
-    def bend(self, n, e):
+    def support_derivative(self, n, e):
         """See `Solid`."""
         radial, sine = self._radial(n, jnp.zeros_like(n))
         along = jnp.cross(unit(2, n), radial)
@@ -48,13 +48,13 @@ class Cylinder(Solid):
     def facet(self, n):
         """See `Solid`."""
         radial, _ = self._radial(n, unit(0, n))
-        # On a cap that lies flat the direction is arbitrary, and its derivative without bounds.
+        # If n is normal to the cap, the direction is arbitrary and its derivative is unbounded.
         held = lax.stop_gradient(radial)
         sideways = jnp.cross(unit(2, n), held)
         upper = jnp.where(n[2] >= 0, 1, -1).astype(n.dtype)
         around = np.arange(SIDES) * (2 * np.pi / SIDES)
         circle = jnp.asarray(np.stack([np.cos(around), np.sin(around)]), n.dtype)
-        # The first corner is the furthest one along n.
+        # The first corner is the one furthest along n.
         turned = jnp.stack([circle[0], circle[1] * upper], axis=1)
         cap = self.size[0] * (turned @ jnp.stack([held, sideways]))
         axis = unit(2, n)

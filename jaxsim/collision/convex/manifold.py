@@ -1,9 +1,9 @@
-"""Several contacts where a face of one solid lies on a face or a straight line of another.
+"""Several contacts, where a face of one solid lies on a face or an edge of another.
 
-Both facets are seen along the normal, as polygons in a plane. A contact is at a corner of their
-common part, and its distance is that of the facets there. A face that leans away from the deepest
-contact at more than an angle touches with an edge or a corner only. Angle, number of contacts and
-distances are MuJoCo's.
+Both facets are projected along the normal to polygons in a plane. Contacts are at the corners of
+the intersection of these polygons, and their distances are those of the facets there. A face that
+is inclined by more than a given angle has contacts at an edge or a corner only. The angle, the
+number of contacts and the distances are MuJoCo's.
 """
 
 import jax
@@ -12,16 +12,16 @@ from flax import struct
 from jax import lax
 from jaxtyping import Array, Bool, Float
 
-from jaxsim.collision.convex.search import Two
+from jaxsim.collision.convex.search import SolidPair
 from jaxsim.collision.convex.solid import Facet
 from jaxsim.collision.convex.touch import Touch
 from jaxsim.collision.frames import contact_frame, tangent_of
 from jaxsim.collision.pairs.clipping import overlap_corners
 from jaxsim.collision.spread import COSINE, SINE, levelness, one_hot, pick, spread
 
-# Normals closer to each other than this are the same, but for rounding and the search's error.
+# Normals that differ by less than this are equal up to rounding and the error of the search.
 SAME = 1e-4
-# The deepest contact must have the distance of the solids, relative to their size.
+# Largest difference, relative to the solids' size, of the deepest contact's distance from theirs.
 CONSISTENT = 1e-3
 
 
@@ -32,8 +32,8 @@ class Manifold:
     Attributes:
       dist: signed distances along the normal.
       middle: points half-way between the cores.
-      exists: which of the contacts there are.
-      normal: from the first to the second.
+      exists: whether each contact exists.
+      normal: unit normal from the first core to the second.
     """
 
     dist: Float[Array, "k"]
@@ -43,30 +43,30 @@ class Manifold:
 
     @classmethod
     def of(cls, touch: Touch, count: int = 1) -> "Manifold":
-        """A single contact, among `count` places."""
+        """A single contact in `count` slots."""
         middle = jnp.broadcast_to((touch.first + touch.second) / 2, (count, 3))
         exists = jnp.arange(count) == 0
         return cls(jnp.broadcast_to(touch.dist, count), middle, exists, touch.normal)
 
 
-def manifold(two: Two, touch: Touch, count: int) -> Manifold:
-    """The contacts of facets that lie on each other, or else the single one."""
-    first = two.first.facet(touch.normal)
-    second = _in_axes_of_first(two, two.second.facet(-(touch.normal @ two.rot)))
+def manifold(solids: SolidPair, touch: Touch, count: int) -> Manifold:
+    """The contacts of facets that lie on each other, or else the single contact of `touch`."""
+    first = solids.first.facet(touch.normal)
+    second = _in_axes_of_first(solids, solids.second.facet(-(touch.normal @ solids.rot)))
     lies = _lies(touch.normal, first, second)
     normal = _common_normal(touch.normal, first, second)
-    dist, middle, exists = _common_part(two, first, second, normal)
+    dist, middle, exists = _common_part(solids, first, second, normal)
     dist = jnp.where(exists, dist, jnp.inf)
     deepest = jnp.min(dist)
-    lies = lies & (jnp.abs(deepest - touch.dist) < CONSISTENT * two.size)
+    lies = lies & (jnp.abs(deepest - touch.dist) < CONSISTENT * solids.size)
     apart = jnp.sqrt(jnp.sum((middle - pick(one_hot(-dist), middle)[None]) ** 2, axis=1))
     weight = levelness(dist - deepest, apart)
-    # A face that leans touches with an edge at most: the most level one from its deepest corner.
+    # An inclined face touches with an edge at most: the most level one at its deepest corner.
     level = -(first.normal @ second.normal) > COSINE
     weight = jnp.where(level | (weight > jnp.max(weight) - SAME), weight, 0)
     chosen, exists = spread(middle, dist, weight, normal, count)
     exists = exists & (level | (jnp.arange(count) < 2))
-    # Where a round cap is clipped, the polygon that stands for it is not quite deep enough.
+    # The polygon that replaces a round cap is not quite as deep as the cap: correct the distance.
     dist = dist + lax.stop_gradient(jnp.where(lies, touch.dist - deepest, 0))
     dist, middle = (jnp.stack([pick(mask, x) for mask in chosen]) for x in (dist, middle))
     several = Manifold(dist, middle, exists, normal)
@@ -74,19 +74,19 @@ def manifold(two: Two, touch: Touch, count: int) -> Manifold:
     return jax.tree.map(lambda x, y: jnp.where(lies, x, y), several, one)
 
 
-def _in_axes_of_first(two: Two, facet: Facet) -> Facet:
-    corners = two.centre[None] + facet.corners @ two.rot.T
-    return facet.replace(corners=corners, normal=two.rot @ facet.normal)
+def _in_axes_of_first(solids: SolidPair, facet: Facet) -> Facet:
+    corners = solids.centre[None] + facet.corners @ solids.rot.T
+    return facet.replace(corners=corners, normal=solids.rot @ facet.normal)
 
 
 def _lies(normal: Float[Array, "3"], first: Facet, second: Facet) -> Bool[Array, ""]:
-    """Whether one of the facets is a face across the normal."""
+    """Whether one of the facets is a face orthogonal to the normal."""
     one = (normal @ first.normal > COSINE) & first.flat
     return one | (-(normal @ second.normal) > COSINE) & second.flat
 
 
 def _common_normal(normal: Float[Array, "3"], first: Facet, second: Facet) -> Float[Array, "3"]:
-    """That of a face if it is the same: it has the better derivatives."""
+    """The normal of a face if it equals the contact normal, because its derivative is better."""
     for facet, sign in ((second, -1), (first, 1)):
         off = facet.normal * sign - normal
         same = (off @ off < SAME**2) & facet.flat
@@ -94,12 +94,12 @@ def _common_normal(normal: Float[Array, "3"], first: Facet, second: Facet) -> Fl
     return normal
 
 
-def _common_part(two: Two, first: Facet, second: Facet, normal: Float[Array, "3"]):
-    """Distances and middles at the corners of the common part, and which of them are corners."""
+def _common_part(solids: SolidPair, first: Facet, second: Facet, normal: Float[Array, "3"]):
+    """Distances, middle points and existence of the corners of the projections' intersection."""
     frame = contact_frame(normal, tangent_of(normal))
     corners1, corners2 = first.corners @ frame.T, second.corners @ frame.T
     # Seen along the normal, the second's corners are clockwise.
-    points, exists = overlap_corners(corners2[::-1, 1:], corners1[:, 1:], two.size)
+    points, exists = overlap_corners(corners2[::-1, 1:], corners1[:, 1:], solids.size)
     lower = _height(corners1[0], frame @ first.normal, points)
     upper = _height(corners2[0], frame @ second.normal, points)
     middle = jnp.concatenate([((lower + upper) / 2)[:, None], points], axis=1) @ frame
@@ -107,7 +107,7 @@ def _common_part(two: Two, first: Facet, second: Facet, normal: Float[Array, "3"
 
 
 def _height(corner: Float[Array, "3"], normal: Float[Array, "3"], points: Float[Array, "n 2"]):
-    """Of a plane over points; axes are the direction of heights and two others."""
+    """Height of a plane at points; the first axis is the direction of heights."""
     upright = jnp.abs(normal[0]) > SINE
     slope = normal[1:] / jnp.where(upright, normal[0], 1)
     return corner[0] - (points - corner[None, 1:]) @ slope

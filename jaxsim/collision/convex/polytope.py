@@ -9,7 +9,7 @@ from jaxsim.collision.spread import one_hot, pick
 
 
 class Box(Solid):
-    """Bit k of a corner's number says whether it is on the upper side of axis k."""
+    """A box; bit k of a corner's number says whether it is on the upper side of axis k."""
 
     max_contacts = 4
 
@@ -41,7 +41,7 @@ class Box(Solid):
 
 
 class Polytope(Solid):
-    """The convex hull of a mesh; corners have their numbers."""
+    """The convex hull of a mesh; the number of a corner is its index."""
 
     max_contacts = 4
 

@@ -60,7 +60,7 @@ class Segment(Solid):
 
 
 class Ellipsoid(Solid):
-    """With S = diag(size), the support point is `S S d / |S d|`."""
+    """An ellipsoid; with S = diag(size), the support point is `S S d / |S d|`."""
 
     curved = True
 
@@ -78,7 +78,7 @@ class Ellipsoid(Solid):
         scaled = self.size * n
         return self.size * scaled / jnp.sqrt(scaled @ scaled)
 
-    def bend(self, n, e):
+    def support_derivative(self, n, e):
         """See `Solid`."""
         scaled = self.size * n
         length = jnp.sqrt(scaled @ scaled)

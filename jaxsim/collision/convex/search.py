@@ -1,20 +1,20 @@
-"""Where two convex solids touch: the direction along which they are furthest apart.
+"""Search for the direction of the largest separation of two convex solids.
 
 With support points a(n) of the first solid along n and b(n) of the second along -n, the separation
-along a unit vector n is `s(n) = n . (b - a)`, and the signed distance is the largest separation:
-positive between disjoint solids, minus the depth between overlapping ones. b - a is a support point
-of the Minkowski difference, so this is about its point closest to the origin.
+along a unit vector n is `s(n) = n . (b - a)`. The signed distance is the largest separation:
+positive for disjoint solids, minus the penetration depth for overlapping ones. b - a is a support
+point of the Minkowski difference, so the problem is to find its point closest to the origin.
 
-Seen from a point outside, q = -tau n with tau > -s(n), the closest point of the difference is found
-by the algorithm of Gilbert, Johnson and Keerthi (1988), one support point at a time. The direction
-n' to it from q is no worse than n: `s(n') + tau n . n' >= s(n) + tau`. So each step is followed by
-a move of q to the best direction that is known. tau is at least a fraction of the solids' size
-beyond the surface: the closest point is then never at q, the simplex has at most three corners, and
-float32 has a direction to it, however close the solids are to touching. The fraction shrinks; at
-first it smooths the landscape.
+The algorithm of Gilbert, Johnson and Keerthi (1988) finds the point of the difference closest to a
+point q outside of it, one support point at a time. Here q = -tau n with tau > -s(n). The direction
+n' from q to that point is at least as good as n: `s(n') + tau n . n' >= s(n) + tau`. So after each
+step q moves to the best direction so far. q is outside by at least a fraction of the solids' size.
+Then the closest point is never q itself, the simplex has at most three corners, and the direction
+is accurate in float32, however close the solids are. The fraction shrinks during the search; large
+fractions smooth s(n).
 
-For disjoint solids the best direction is unique. For overlapping ones there may be others, so deep
-ones are begun from several.
+For disjoint solids the best direction is unique. For overlapping solids s(n) may have several local
+maxima, so the search for deep ones starts from several directions.
 """
 
 import jax
@@ -30,10 +30,10 @@ from jaxsim.collision.convex.solid import Solid
 from jaxsim.collision.frames import direction
 from jaxsim.collision.spread import one_hot, pick
 
-# Steps of the search: how far q is beyond the surface, in sizes of the smaller solid.
+# Distance of q from the surface in each step of the search, in sizes of the smaller solid.
 BEYOND = (0.4,) * 6 + (0.04,) * 6
-# Overlaps deeper than this, in the same unit, are begun from so many more directions, whose cosines
-# with each other are below the last number.
+# For overlaps deeper than DEEP, in the same unit, the search starts from STARTS more directions,
+# whose cosines with each other are below DIFFERENT.
 DEEP, STARTS, DIFFERENT = 0.01, 4, 0.95
 
 
@@ -43,8 +43,8 @@ class Vertices:
 
     Attributes:
       first: points of the first solid.
-      second: points of the second.
-      numbers: of both, see `Solid.support`.
+      second: points of the second solid.
+      numbers: numbers of both points, see `Solid.support`.
     """
 
     first: Float[Array, "*k 3"]
@@ -58,14 +58,14 @@ class Vertices:
 
 
 @struct.dataclass
-class Found:
+class SearchResult:
     """The result of the search.
 
     Attributes:
-      separation: along the best direction.
-      normal: that direction, from the first solid to the second.
-      vertices: (3,) corners of the simplex that is closest.
-      weights: of the closest point on them; zero where fewer than three are needed.
+      separation: separation along the best direction.
+      normal: the best direction, from the first solid to the second.
+      vertices: (3,) corners of the last simplex.
+      weights: barycentric coordinates of its closest point; zero for corners that are not needed.
     """
 
     separation: Float[Array, ""]
@@ -74,13 +74,13 @@ class Found:
     weights: Float[Array, "3"]
 
 
-class Two:
+class SolidPair:
     """Two solids in the axes of the first.
 
     Attributes:
       first, second: the solids.
       rot: (3, 3) columns are the axes of the second.
-      centre: (3,) centre of the second.
+      centre: (3,) centre of the second (m).
     """
 
     def __init__(self, first: Solid, second: Solid):
@@ -90,28 +90,28 @@ class Two:
         self.centre = here.mat.T @ (there.pos - here.pos)
 
     def support(self, n: Float[Array, "3"]) -> Vertices:
-        """Support points along n."""
+        """Support points of the first solid along n and of the second along -n."""
         a, number1 = self.first.support(n)
         b, number2 = self.second.support(-(n @ self.rot))
         return Vertices(a, self.centre + self.rot @ b, jnp.stack([number1, number2]))
 
     @property
     def size(self) -> Float[Array, ""]:
-        """A length to which others are small or large."""
+        """Size of the smaller solid, the length scale of tolerances (m)."""
         return jnp.minimum(self.first.reach, self.second.reach)
 
 
-def search(two: Two) -> Found:
-    """The direction of the largest separation; it has no derivatives."""
-    guesses = _guesses(two)
-    values, _ = jax.vmap(lambda n: _separation(two, n))(guesses)
+def search(solids: SolidPair) -> SearchResult:
+    """Find the direction of the largest separation; the result has no derivatives."""
+    guesses = _guesses(solids)
+    values, _ = jax.vmap(lambda n: _separation(solids, n))(guesses)
 
     def attempt(carry, count):
         found, taken = carry
         n = pick(one_hot(jnp.where(taken, -jnp.inf, values)), guesses)
-        wanted = (count == 0) | (found.separation < -DEEP * two.size)
-        # A batch in which nothing is deep is spared the rest; the others' results do not change.
-        other = lax.cond(any_in_batch(wanted), lambda: _climb(two, n), lambda: found)
+        wanted = (count == 0) | (found.separation < -DEEP * solids.size)
+        # Skipped if no environment of the batch needs it; `better` keeps the results of the others.
+        other = lax.cond(any_in_batch(wanted), lambda: _climb(solids, n), lambda: found)
         better = wanted & (other.separation > found.separation)
         found = jax.tree.map(lambda x, y: jnp.where(better, x, y), other, found)
         return (
@@ -119,53 +119,53 @@ def search(two: Two) -> Found:
             taken | (guesses @ n > DIFFERENT) | (guesses @ found.normal > DIFFERENT),
         ), None
 
-    start = _start(two, guesses[0]).replace(separation=-jnp.inf * jnp.ones_like(values[0]))
+    start = _start(solids, guesses[0]).replace(separation=-jnp.inf * jnp.ones_like(values[0]))
     taken = jnp.zeros(len(guesses), bool)
     return lax.scan(attempt, (start, taken), jnp.arange(1 + STARTS))[0][0]
 
 
-def _start(two: Two, n: Float[Array, "3"]) -> Found:
-    value, vertex = _separation(two, n)
+def _start(solids: SolidPair, n: Float[Array, "3"]) -> SearchResult:
+    value, vertex = _separation(solids, n)
     corners = jax.tree.map(lambda x: jnp.stack([x, x, x]), vertex)
-    return Found(value, n, corners, jnp.array([1.0, 0, 0], n.dtype))
+    return SearchResult(value, n, corners, jnp.array([1.0, 0, 0], n.dtype))
 
 
-def _separation(two: Two, n: Float[Array, "3"]) -> tuple[Float[Array, ""], Vertices]:
-    vertices = two.support(n)
+def _separation(solids: SolidPair, n: Float[Array, "3"]) -> tuple[Float[Array, ""], Vertices]:
+    vertices = solids.support(n)
     return n @ vertices.difference, vertices
 
 
-def _guesses(two: Two) -> Float[Array, "16 3"]:
-    """The line of centres, the axes of both and their cross products, towards the second solid."""
-    axes1, axes2 = jnp.eye(3, dtype=two.rot.dtype), two.rot.T
+def _guesses(solids: SolidPair) -> Float[Array, "16 3"]:
+    """Initial directions: line of centres, axes of both solids and their cross products."""
+    axes1, axes2 = jnp.eye(3, dtype=solids.rot.dtype), solids.rot.T
     crossed = jnp.cross(axes1[:, None], axes2[None]).reshape(9, 3)
-    line, _ = direction(two.centre, axes1[2])
+    line, _ = direction(solids.centre, axes1[2])
     square = jnp.sum(crossed**2, axis=1)
     regular = square > 1e-6
     crossed = crossed / jnp.sqrt(jnp.where(regular, square, 1))[:, None]
     crossed = jnp.where(regular[:, None], crossed, line[None])
     guesses = jnp.concatenate([line[None], axes1, axes2, crossed])
-    return jnp.where((guesses @ two.centre < 0)[:, None], -guesses, guesses)
+    return jnp.where((guesses @ solids.centre < 0)[:, None], -guesses, guesses)
 
 
-def _climb(two: Two, n: Float[Array, "3"]) -> Found:
-    """From one direction to a locally best one."""
-    beyond = jnp.asarray(np.array(BEYOND), n.dtype) * two.size
-    return lax.scan(lambda found, x: (_step(two, found, x), None), _start(two, n), beyond)[0]
+def _climb(solids: SolidPair, n: Float[Array, "3"]) -> SearchResult:
+    """Search for a local maximum of the separation, starting from n."""
+    beyond = jnp.asarray(np.array(BEYOND), n.dtype) * solids.size
+    return lax.scan(lambda found, x: (_step(solids, found, x), None), _start(solids, n), beyond)[0]
 
 
-def _step(two: Two, found: Found, beyond: Float[Array, ""]) -> Found:
-    """One more support point, in the direction of the closest point of the simplex from q."""
+def _step(solids: SolidPair, found: SearchResult, beyond: Float[Array, ""]) -> SearchResult:
+    """One step: a new support point in the direction from q to the simplex's closest point."""
     q = -found.normal * jnp.maximum(beyond - found.separation, 0)
     old = found.vertices.difference - q[None]
-    # The corners are the same, but q has moved.
+    # q has moved since the last step, so the closest point of the simplex is computed again.
     closest, _, _ = closest_with(old[0], jnp.stack([old[1], old[2], old[2]]))
     n, _ = direction(closest, found.normal)
-    value, new = _separation(two, n)
+    value, new = _separation(solids, n)
     better = value > found.separation
     _, weights, k = closest_with(new.difference - q, old)
     vertices = jax.tree.map(lambda x, y: _corners(x, y, k), new, found.vertices)
-    return Found(
+    return SearchResult(
         jnp.where(better, value, found.separation),
         jnp.where(better, n, found.normal),
         vertices,
@@ -174,7 +174,7 @@ def _step(two: Two, found: Found, beyond: Float[Array, ""]) -> Found:
 
 
 def _corners(new: Array, old: Array, k: Int[Array, ""]) -> Array:
-    """The new corner and the old ones k and k + 1."""
+    """The new corner and the old corners k and k + 1 (mod 3)."""
     following = jnp.where(k == 0, old[1], jnp.where(k == 1, old[2], old[0]))
     chosen = jnp.where(k == 0, old[0], jnp.where(k == 1, old[1], old[2]))
     return jnp.stack([new, chosen, following])

@@ -1,4 +1,4 @@
-"""The point of a triangle that is closest to the origin, with one new corner among four."""
+"""The point closest to the origin on the triangles that a new corner makes with three others."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
@@ -7,10 +7,10 @@ from jaxtyping import Array, Float, Int
 def closest_with(
     new: Float[Array, "3"], old: Float[Array, "3 3"]
 ) -> tuple[Float[Array, "3"], Float[Array, "3"], Int[Array, ""]]:
-    """The closest point of the triangles that a new corner makes with two of three old ones.
+    """The closest point to the origin of the triangles of a new corner and two of three old ones.
 
-    Points on edges between two old corners are left out: the new one is an improvement on them, or
-    it is one of them. Corners may coincide.
+    Edges between two old corners are left out: the new corner is closer, or equal to one of them.
+    Corners may coincide.
 
     Args:
       new: the new corner.
@@ -27,7 +27,7 @@ def closest_with(
     square = jnp.where(jnp.concatenate([jnp.ones(3, bool), regular]), square, jnp.inf)
     none = jnp.zeros_like(along)
     weights = jnp.concatenate([jnp.stack([1 - along, along, none], axis=1), inside])
-    # Of equals the first, so an edge rather than a triangle.
+    # The first among equals: an edge is preferred to a triangle.
     best = square == jnp.min(square)
     best = best & (jnp.cumsum(best) == 1)
     pick = lambda x: jnp.sum(jnp.where(best[:, None], x, 0), axis=0)  # noqa: E731
@@ -36,7 +36,7 @@ def closest_with(
 
 
 def _on_segments(new: Float[Array, "3"], edge: Float[Array, "3 3"]) -> Float[Array, "3"]:
-    """Where on `new + t edge`, t in [0, 1], the closest points are."""
+    """Parameters t in [0, 1] of the closest points on `new + t edge`."""
     square = jnp.sum(edge**2, axis=1)
     return jnp.clip(-(edge @ new) / jnp.where(square > 0, square, 1), 0, 1)
 

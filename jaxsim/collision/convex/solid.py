@@ -1,8 +1,8 @@
-"""Convex solids in their own axes, as the general routine sees them: by support points.
+"""`Solid`: the interface of convex solids, in their own axes.
 
-A solid is a core and a ball around each of its points (`radius`). The support point of a core in a
-direction is the one furthest along it. Vertices have numbers; what has the same number is the same
-point of the solid, or for curved solids the same piece of surface.
+A solid is the Minkowski sum of a core and a ball (`radius`). The support point of a core in a
+direction is its point furthest along it. Support points have numbers. Equal numbers mean the same
+point of the solid or, for curved solids, the same part of the surface.
 """
 
 import jax.numpy as jnp
@@ -19,9 +19,9 @@ class Facet:
     """A face of a solid, or a straight line on its surface.
 
     Attributes:
-      corners: counterclockwise seen from outside; some may be repeated.
-      normal: unit normal, outward.
-      flat: whether it is a face.
+      corners: corners, counterclockwise seen from outside; some may be repeated.
+      normal: outward unit normal.
+      flat: whether it is a face, not a line.
     """
 
     corners: Float[Array, "k 3"]
@@ -33,10 +33,10 @@ class Solid:
     """A convex solid.
 
     Attributes:
-      shape: its record; only the size is used, not the pose.
+      shape: the posed shape; the methods use its size, not its pose.
       curved: whether its surface has curvature.
-      capped: whether it has flat faces with a curved border, across its third axis.
-      max_contacts: how many contacts may be needed to support it: 4 on a face, 2 on a line.
+      capped: whether it has flat faces with a curved border, orthogonal to its third axis.
+      max_contacts: number of contacts that may be needed to support it: 4 for a face, 2 for a line.
     """
 
     curved = False
@@ -54,26 +54,26 @@ class Solid:
 
     @property
     def reach(self) -> Float[Array, ""]:
-        """Half of the largest extent, roughly."""
+        """Approximately half of the largest extent (m)."""
         raise NotImplementedError
 
     def support(self, d: Float[Array, "3"]) -> Vertex:
-        """The core's point furthest along d, and its number."""
+        """The point of the core furthest along d, and its number."""
         raise NotImplementedError
 
     def point(self, vertex: Vertex, n: Float[Array, "3"]) -> Float[Array, "3"]:
-        """The vertex again, as a differentiable function of sizes and, if curved, of the normal.
+        """A support point as a differentiable function of the size and, if curved, of the normal.
 
         Args:
-          vertex: what `support` returned for a direction close to n.
-          n: outward normal.
+          vertex: result of `support` for a direction close to n.
+          n: outward unit normal.
         """
         raise NotImplementedError
 
-    def bend(self, n: Float[Array, "3"], e: Float[Array, "3"]) -> Float[Array, "3"]:
-        """Derivative of the support point with respect to n along e: zero where it is flat."""
+    def support_derivative(self, n: Float[Array, "3"], e: Float[Array, "3"]) -> Float[Array, "3"]:
+        """Derivative of the support point with respect to n in the direction e; zero if flat."""
         return jnp.zeros_like(n)
 
     def facet(self, n: Float[Array, "3"]) -> Facet:
-        """The facet that looks along n, if there may be more than one contact."""
+        """The facet with outward normal closest to n; only for `max_contacts` > 1."""
         raise NotImplementedError

@@ -1,1 +1,1 @@
-"""Shape against shape: one function per pair, one file per family."""
+"""Pair functions: one for each pair of shapes, one file for each family."""

@@ -1,8 +1,8 @@
 """A sphere or a capsule against a box.
 
-Both come down to spheres against the box, in the box's frame. Which points of a capsule's segment
-are taken is MuJoCo's choice (`engine_collision_box.c`): the closest one, and a second one where the
-segment lies along a face or an edge.
+A capsule is replaced by one or two spheres at points of its segment, chosen as in MuJoCo
+(`engine_collision_box.c`): the closest point to the box, and a second one if the segment lies along
+a face or an edge.
 """
 
 import jax
@@ -29,16 +29,16 @@ _ACROSS = 1 - _ALONG
 
 
 def sphere_box(sphere: Shape, box: Shape) -> Contacts:
-    """One contact, with the closest point of the box, or of its closest face from inside."""
+    """One contact, with the closest point of the box, or of its closest face if inside."""
     return _at_centres(sphere.pos[None], sphere.size[0], box)
 
 
 def capsule_box(capsule: Shape, box: Shape) -> Contacts:
     """One contact at the closest point of the capsule's segment, and one further along it.
 
-    The second one is at the far end of the part of the segment that lies over the same face or
-    along the same edge; a segment that points to a corner, or one with an end inside the box, has
-    none.
+    The second contact is at the far end of the part of the segment that lies over the same face or
+    along the same edge. A segment that points to a corner, or that has an end inside the box, has
+    no second contact.
     """
     centre = box.mat.T @ (capsule.pos - box.pos)
     half = box.mat.T @ capsule.axis * capsule.size[1]
@@ -56,7 +56,7 @@ def _at_centres(centres: Float[Array, "k 3"], radius: Float[Array, ""], box: Sha
     def contact(centre):
         local = box.mat.T @ (centre - box.pos)
         gap, face = _closest_face(local, box.size)
-        # Towards the box: to its closest point, or from inside away from the closest face.
+        # From outside the closest point of the box, from inside the opposite of the closest face.
         towards, length = direction(jnp.clip(local, -box.size, box.size) - local, -face)
         length = jnp.where(gap < 0, gap, jnp.where(length > 0, length, gap))
         normal = box.mat @ towards
@@ -67,7 +67,7 @@ def _at_centres(centres: Float[Array, "k 3"], radius: Float[Array, ""], box: Sha
 
 
 def _closest_face(point: Float[Array, "3"], size: Float[Array, "3"]):
-    """Signed distance to the closest face's plane, and the outward normal; first of equals."""
+    """Signed distance to the closest face's plane, and its outward normal."""
     gaps = jnp.abs(point) - size
     gap = jnp.max(gaps)
     x, y, z = gaps == gap
@@ -78,10 +78,10 @@ def _closest_face(point: Float[Array, "3"], size: Float[Array, "3"]):
 def _segment_box(
     centre: Float[Array, "3"], half: Float[Array, "3"], size: Float[Array, "3"]
 ) -> tuple[Float[Array, ""], Float[Array, ""], Bool[Array, ""]]:
-    """Points `centre + x half` of a segment in a box's frame that touch the box first.
+    """Points `centre + x half` of a segment, in a box's frame, at which there are contacts.
 
     Returns:
-      x of the closest point, x of a second one, and whether there is a second one.
+      x of the closest point, x of the second point, and whether there is a second one.
     """
     end, end_square, face = _closest_end(centre, half, size)
     edge = _closest_edge(centre, half, size)
@@ -97,9 +97,9 @@ def _segment_box(
 
 
 def _closest_end(centre, half, size):
-    """The end of the segment over a face or inside: x, squared distance, mask of the face's axis.
+    """The closer end of the segment: x, squared distance, mask of the axis of the face below it.
 
-    An end beyond two or three faces is closest to an edge; it gets an infinite distance.
+    An end beyond two or three faces is closest to an edge, and its distance is set to infinity.
     """
     ends = centre[None] + jnp.array([[-1.0], [1.0]], centre.dtype) * half[None]
     beyond = jnp.abs(ends) > size[None]
@@ -119,8 +119,8 @@ class _ClosestEdge:
       y: point of the edge, in half-lengths.
       at_corner: whether the closest point is a corner.
       along: (3,) mask of the edge's axis.
-      corner: (3,) whether the corner is on the upper side of each axis; of an edge's inside the
-        lower corner.
+      corner: (3,) whether the closest corner is on the upper side of each axis; the lower corner of
+        the edge if the closest point is inside the edge.
     """
 
     def __init__(self, square, values, chosen):
@@ -166,7 +166,7 @@ def _closest_edge(centre, half, size) -> _ClosestEdge:
 
 
 def _second_over_face(end, face, centre, half, size):
-    """From an end over a face: along the segment until it leaves the face or ends."""
+    """Step from an end over a face along the segment, until it leaves the face or ends."""
     start = centre + half * end
     inward = -end * half
     step = jnp.where(inward == 0, 1, inward)
@@ -176,9 +176,9 @@ def _second_over_face(end, face, centre, half, size):
 
 
 def _second_at_corner(edge: _ClosestEdge, half, size):
-    """From a corner: along the edge or over the face that the segment is closest to.
+    """Step from a corner along the edge or over the face that the segment is closest to.
 
-    There is none for a segment that points towards the corner or away from it.
+    There is no second point if the segment points towards the corner or away from it.
     """
     differs = (half > 0) ^ edge.corner
     count = jnp.sum(differs)
@@ -192,7 +192,7 @@ def _second_at_corner(edge: _ClosestEdge, half, size):
 
 
 def _second_at_edge(edge: _ClosestEdge, half, size):
-    """From inside an edge: across the face that the segment is closest to, if it crosses it."""
+    """Step from inside an edge across the face that the segment is closest to, if it crosses it."""
     differs = ((half > 0) ^ edge.corner) & ~edge.along
     steep = _steeper(jnp.abs(half), edge.along)
     same = jnp.any(differs & steep)
@@ -207,7 +207,7 @@ def _second_at_edge(edge: _ClosestEdge, half, size):
 def _steeper(magnitude: Float[Array, "3"], along: Bool[Array, "3"]) -> Bool[Array, "3"]:
     """Mask of the larger of the two components that are not along the edge.
 
-    Of equals it is the second in the cyclic order that begins after the edge's axis.
+    If they are equal, it is the second in the cyclic order that begins after the edge's axis.
     """
     after, before = jnp.roll(along, 1), jnp.roll(along, 2)
     value = lambda mask: jnp.sum(jnp.where(mask, magnitude, 0))  # noqa: E731
@@ -215,5 +215,5 @@ def _steeper(magnitude: Float[Array, "3"], along: Bool[Array, "3"]) -> Bool[Arra
 
 
 def _at_least_tiny(x: Float[Array, "3"]) -> Float[Array, "3"]:
-    """The same, without zeros to divide by."""
+    """x, with zeros replaced by a small divisor."""
     return jnp.maximum(x, float(jnp.finfo(x.dtype).tiny) ** 0.5)

@@ -1,10 +1,10 @@
-"""Two boxes: separating axes, then the corners of the common part of two faces, or of two edges.
+"""Box against box: separating axes, then contacts of two faces or of two edges.
 
-The boxes are disjoint exactly if they are along one of 15 axes: the normals of their faces and the
-cross products of their edges (Gottschalk, Lin, Manocha, "OBBTree", 1996). The axis of the largest
-separation is the contact's normal. If it is a face's, the face of the other box that opposes it is
-clipped by the sides of the first; if two edges', they touch at their closest points. Rules for near
-ties are MuJoCo's (`engine_collision_box.c`).
+Two boxes are disjoint if and only if their projections to one of 15 axes are disjoint: the normals
+of their faces and the cross products of their edges (Gottschalk, Lin, Manocha, "OBBTree", 1996).
+The axis of the largest separation is the contact normal. If it is the normal of a face, the
+opposing face of the other box is clipped by the sides of this face. If it belongs to two edges, the
+contact is at their closest points. Rules for near ties are MuJoCo's (`engine_collision_box.c`).
 """
 
 import jax.numpy as jnp
@@ -17,14 +17,14 @@ from jaxsim.collision.shapes import INACTIVE, Contacts, Shape
 
 # Corners of the square [-1, 1]^2, counterclockwise.
 _SQUARE = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
-# Two edges win over a face only if their separation is larger by this fraction of itself.
+# Two edges are preferred to a face only if their separation is larger by this fraction.
 EDGE_BIAS = 1e-6
-# Two edges whose axis is within 8 degrees of the best face's must be this much better, too.
+# The fraction if the axis of two edges is within 8 degrees of the normal of the best face.
 ALIGNED, ALIGNED_BIAS = 0.99, 0.05
 
 
 def box_box(first: Shape, second: Shape) -> Contacts:
-    """Up to eight contacts, the corners of the common part of two faces, or one of two edges."""
+    """Up to eight contacts: corners of the intersection of two faces, or one of two edges."""
     boxes = _Boxes(first, second)
     face, edges, edge_wins = boxes.separating_axis()
     dist, pos, normal = boxes.face_contacts(face)
@@ -38,13 +38,13 @@ def box_box(first: Shape, second: Shape) -> Contacts:
 
 
 class _Boxes:
-    """Two boxes, everything in the axes of the first and relative to its centre.
+    """Two boxes, in the axes of the first and relative to its centre.
 
     Attributes:
       size1, size2: half-lengths.
       rot: (3, 3) columns are the axes of the second box.
       centre: (3,) centre of the second box.
-      back: (3,) the same in the second box's axes.
+      back: (3,) `centre` in the axes of the second box.
     """
 
     def __init__(self, first: Shape, second: Shape):
@@ -54,9 +54,9 @@ class _Boxes:
         self.centre, self.back = first.mat.T @ between, second.mat.T @ between
 
     def separating_axis(self) -> tuple[Bool[Array, "6"], Bool[Array, "3 3"], Bool[Array, ""]]:
-        """The best face (of the first box, then of the second), the best pair of edges, which wins.
+        """The best face, the best pair of edges, and whether the edges are better.
 
-        Both as masks with one element set.
+        Both are masks with one element set; faces are those of the first box, then of the second.
         """
         magnitude = jnp.abs(self.rot)
         sides1 = jnp.abs(self.centre) - self.size1 - magnitude @ self.size2
@@ -74,9 +74,9 @@ class _Boxes:
         return face, edges, gap > face_gap + bias * jnp.abs(face_gap)
 
     def _edge_axes(self) -> tuple[Float[Array, "3 3 3"], Bool[Array, "3 3"]]:
-        """Unit cross products of the first box's axes with the second's, and which are not noise.
+        """Unit cross products of the first box's axes with the second's, and whether each is valid.
 
-        Of nearly parallel edges nothing is lost: their axis is close to a face's.
+        Nearly parallel axes are not valid and not needed: their product is close to a face normal.
         """
         axes = jnp.cross(np.eye(3, dtype=self.rot.dtype)[:, None], self.rot.T[None])
         square = jnp.sum(axes**2, axis=-1)
@@ -111,11 +111,11 @@ class _Boxes:
         return axis @ (point2 - point1), (point1 + point2) / 2, axis
 
     def face_contacts(self, face: Bool[Array, "6"]):
-        """Distances and points at the corners of the common part of two faces, and the normal.
+        """Distances and points at the corners of the intersection of two faces, and the normal.
 
-        The reference face is the one that wins, the incident face that of the other box which
-        opposes it. In the axes x, y of the reference face and z, its outward normal, both are
-        parallelograms; a corner of their common part at height z has distance z.
+        `face` is the reference face, and the opposing face of the other box is the incident face.
+        In the axes x, y of the reference face and its outward normal z, both are parallelograms. A
+        corner of their intersection at height z has distance z.
         """
         of_first = jnp.any(face[:3])
         normal = face[:3] | face[3:]
@@ -142,18 +142,18 @@ class _Boxes:
         height = _height(points, lower, u, v) - half[2]
         pos = jnp.concatenate([points, (sign * (half[2] + height / 2))[:, None]], axis=1) @ axes
         outward = jnp.where(of_first, 1, -1) * sign * axes[2]
-        place = lambda x: jnp.where(of_first, x, x @ self.rot.T)  # noqa: E731
-        pos = place(pos) + jnp.where(of_first, 0, self.centre)[None]
-        return jnp.where(exists, height, INACTIVE), pos, place(outward)
+        to_first = lambda x: jnp.where(of_first, x, x @ self.rot.T)  # noqa: E731
+        pos = to_first(pos) + jnp.where(of_first, 0, self.centre)[None]
+        return jnp.where(exists, height, INACTIVE), pos, to_first(outward)
 
 
 def _height(points, origin, u, v):
-    """Third component of the plane `origin + a u + b v` at points of its first two."""
+    """Third component of the plane `origin + a u + b v`, at points given by the first two."""
     normal = jnp.cross(u, v)
     return origin[2] - (points - origin[:2][None]) @ (normal[:2] / normal[2])
 
 
 def _largest(x: Float[Array, "..."]) -> Bool[Array, "..."]:
-    """Mask of the largest element, of equals the first."""
+    """Mask of the largest element; the first among equals."""
     equal = (x == jnp.max(x)).ravel()
     return (equal & (jnp.cumsum(equal) == 1)).reshape(x.shape)

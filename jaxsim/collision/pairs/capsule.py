@@ -1,7 +1,7 @@
 """Spheres and capsules against each other.
 
-A capsule is the set of points within its radius of a segment, so each of these pairs comes down to
-two spheres centred at the closest points of two segments.
+A capsule is the set of points within its radius of a segment. So each of these pairs is reduced to
+two spheres, centred at the closest points of two segments.
 """
 
 import jax
@@ -18,8 +18,8 @@ PARALLEL = 1e-8
 def sphere_sphere(first: Shape, second: Shape) -> Contacts:
     """One contact, on the line of the centres.
 
-    Coincident centres have no such line: the normal is then the cross product of the third axes, or
-    the world's x axis if these are parallel, and the distance has derivative zero.
+    If the centres coincide, the normal is the cross product of the third axes, or the world's x
+    axis if these are parallel, and the distance has derivative zero.
     """
     centre = jnp.zeros(1, first.pos.dtype)
     return _spheres(first, second, centre, centre)
@@ -34,8 +34,8 @@ def sphere_capsule(sphere: Shape, capsule: Shape) -> Contacts:
 def capsule_capsule(first: Shape, second: Shape) -> Contacts:
     """One contact at the closest points of the two segments, or two if the axes are parallel.
 
-    Parallel capsules touch along a line; the contacts are at the ends of the part that both share,
-    or twice at the tips if they share none. Other capsules leave the second slot empty.
+    Parallel capsules touch along a line. The two contacts are at the ends of the part where both
+    segments overlap, or both at the tips if they do not. Otherwise the second slot is empty.
     """
     segments = _Segments(first, second)
     x1, x2 = segments.closest()
@@ -54,8 +54,7 @@ class _Segments:
         self.a2 = second.axis * second.size[1]
         self.d = first.pos - second.pos
         self.square1, self.square2 = self.a1 @ self.a1, self.a2 @ self.a2
-        # Cross products, because a Gram determinant cancels in float32 long before the axes are
-        # parallel.
+        # By a cross product: in float32, a Gram determinant loses all digits for small angles.
         self.w = jnp.cross(self.a1, self.a2)
         self.area = self.w @ self.w
         self.parallel = self.area < PARALLEL * self.square1 * self.square2
@@ -69,10 +68,10 @@ class _Segments:
         return (x1 * (self.a1 @ self.a2) + self.a2 @ self.d) / self.square2
 
     def closest(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
-        """The closest points.
+        """Parameters x1, x2 of the closest points.
 
-        Those of the lines satisfy `x_1 = -(d x a_2) . w / w . w`; clipping to one segment and
-        projecting to the other, twice, gives those of the segments.
+        For the lines, `x_1 = -(d x a_2) . w / w . w`. Clipping to one segment and projecting to the
+        other, twice, gives the closest points of the segments.
         """
         area = jnp.where(self.parallel, 1.0, self.area)
         x1 = jnp.clip(-jnp.cross(self.d, self.a2) @ self.w / area, -1, 1)
@@ -80,7 +79,7 @@ class _Segments:
         return jnp.clip(self.onto_first(x2), -1, 1), x2
 
     def end_of_overlap(self, end2: Float[Array, ""]) -> tuple[Float[Array, ""], Float[Array, ""]]:
-        """The end of the shared part of parallel segments that is on the side of `x_2 = end2`."""
+        """Parameters of the end of parallel segments' overlap on the side of `x_2 = end2`."""
         x1 = self.onto_first(end2)
         inside = jnp.abs(x1) < 1
         x1 = jnp.clip(x1, -1, 1)

@@ -1,7 +1,7 @@
-"""The common part of two convex polygons in a plane, in a fixed number of corners.
+"""The intersection of two convex polygons in a plane, with a fixed number of corners.
 
-Each corner of the common part is where one of its edges begins, and each edge of it lies on an edge
-of one of the polygons. So there is one place for each of their edges, and no list to keep.
+Each edge of the intersection lies on an edge of one of the polygons, and each corner of it is the
+start of one of its edges. So there is one possible corner for each edge of both polygons.
 """
 
 import jax
@@ -14,29 +14,29 @@ from jaxsim.arrays.norms import safe_norm
 def overlap_corners(
     first: Float[Array, "m 2"], second: Float[Array, "n 2"], size: Float[Array, ""]
 ) -> tuple[Float[Array, "m+n 2"], Bool[Array, "m+n"]]:
-    """Corners of the common part of two polygons.
+    """Corners of the intersection of two polygons.
 
     Args:
       first: corners of a convex polygon, counterclockwise; repeated corners count once.
-      second: the same; it may also be a line there and back.
-      size: a length of the polygons, to which rounding is relative.
+      second: another such polygon, or a line segment as a polygon with two different corners.
+      size: length scale of the polygons for rounding errors.
 
     Returns:
-      Points, and which of them are corners. A corner that two edges share is there once.
+      Points, and whether each is a corner of the intersection; each corner occurs once.
     """
     small = 64 * float(jnp.finfo(first.dtype).eps) * size
-    # Where an edge of the first lies on one of the second, the corner is that of the second.
+    # Where edges of both polygons coincide, only the corner of the second is kept.
     start1, exists1 = _entries(first, second, -small, small)
     start2, exists2 = _entries(second, first, small, small)
     return jnp.concatenate([start1, start2]), jnp.concatenate([exists1, exists2])
 
 
 def _entries(subject, window, slack: Float[Array, ""], small: Float[Array, ""]):
-    """Where the edges of a polygon enter another one, and which do.
+    """The points where the edges of a polygon enter another one, and whether each does.
 
-    An edge is cut by the line of each edge of the other (Cyrus and Beck, "Generalized two- and
-    three-dimensional clipping", 1978). One that lies on the border, or outside by less than the
-    slack, counts as inside; with a negative slack it does not.
+    An edge is clipped by the line of each edge of the other polygon (Cyrus and Beck, "Generalized
+    two- and three-dimensional clipping", 1978). An edge on the border, or outside by less than the
+    slack, counts as inside; with a negative slack it counts as outside.
     """
     step, side = (jnp.roll(x, -1, axis=0) - x for x in (subject, window))
     length, width = (jax.vmap(safe_norm)(x) for x in (step, side))

@@ -7,7 +7,7 @@ from jaxsim.collision.shapes import Contacts, Shape
 
 
 def sphere_cylinder(sphere: Shape, cylinder: Shape) -> Contacts:
-    """One contact: with the side, a cap or a rim; from inside with the closer of side and cap.
+    """One contact, with the side, a cap or a rim; from inside, with the closer of side and cap.
 
     In the plane of the axis and the sphere's centre the cylinder is a rectangle: with the distance
     rho from the axis and the height x, the excesses are `e = (rho - radius, |x| - half-length)`.

@@ -1,8 +1,8 @@
 """A height field against a convex solid.
 
-Each cell of the grid is cut into two triangles, and a triangle and the ground below it is a prism.
-The prisms below the bounding box of the solid are tried, a fixed number of them, and the deepest
-contacts are kept; those are MuJoCo's prisms.
+Each cell of the grid is split into two triangles, and each triangle with the ground below it is a
+prism, as in MuJoCo. A fixed number of prisms, enough for the bounding box of the solid, is tested,
+and the deepest contacts are kept.
 """
 
 from collections.abc import Callable
@@ -16,12 +16,12 @@ from jaxsim.collision.convex import Polytope, Solid, convex_pair
 from jaxsim.collision.shapes import Contacts, HeightField, Hull, Shape
 from jaxsim.collision.spread import one_hot, pick
 
-# So many contacts are kept of one solid.
+# Most contacts of one solid with a height field.
 MAX_CONTACTS = 8
 
 
 class Prism(Polytope):
-    """A prism, which gives one contact."""
+    """A triangular prism, with one contact at most."""
 
     max_contacts = 1
 
@@ -29,7 +29,7 @@ class Prism(Polytope):
 def height_field_pair(
     second: type[Solid],
 ) -> tuple[Callable[[Shape, Shape], Contacts], int]:
-    """The pair function of a height field and a kind of solid, and the number of its contacts."""
+    """The pair function of a height field and a kind of solid, and its number of contact slots."""
     of_prism, _ = convex_pair(Prism, second)
 
     def pair(field: Shape, solid: Shape) -> Contacts:
@@ -67,7 +67,7 @@ def _field(shape: Shape) -> HeightField:
 
 
 def _first_cell(field: HeightField, shape: Shape, solid: Solid):
-    """Column and row at the lower corner of the solid's bounding box, or of the last window."""
+    """Column and row of the first tested cell, at the lower corner of the solid's bounding box."""
     rot = shape.mat.T @ solid.shape.mat
     centre = shape.mat.T @ (solid.shape.pos - shape.pos)
     cells = []
@@ -89,11 +89,11 @@ def _prism(field: Shape, corners: Float[Array, "6 3"]) -> Shape:
 
 
 def window_size(step: np.ndarray, count: np.ndarray, reach: float) -> int:
-    """How many cells a solid within a ball may lie over, along either axis.
+    """Largest number of cells, along each axis, below a solid.
 
     Args:
-      step: lengths of the cells.
+      step: lengths of the cells (m).
       count: numbers of columns and rows of points.
-      reach: radius of the ball.
+      reach: radius of the solid's bounding sphere (m).
     """
     return int(min(np.ceil(2 * reach / np.min(step)) + 1, np.min(count) - 1))

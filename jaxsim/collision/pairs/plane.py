@@ -1,8 +1,9 @@
 """An infinite plane against a sphere, capsule, ellipsoid, cylinder, box or mesh.
 
 The normal n is the plane's third axis and points away from the solid half-space. A point x of the
-other shape has distance n . (x - p), p any point of the plane; the contact lies half-way between x
-and the plane. Which points x are kept is MuJoCo's choice (`engine_collision_primitive.c`).
+other shape has the distance n . (x - p), where p is any point of the plane, and its contact is
+half-way between x and the plane. The points x are those that MuJoCo chooses
+(`engine_collision_primitive.c`).
 """
 
 import jax
@@ -22,7 +23,7 @@ def plane_sphere(plane: Shape, sphere: Shape) -> Contacts:
 
 
 def plane_capsule(plane: Shape, capsule: Shape) -> Contacts:
-    """Two contacts, one for each end's sphere; the first tangent follows the capsule's axis."""
+    """Two contacts, one for each end's sphere; the first tangent is along the capsule's axis."""
     half = capsule.axis * capsule.size[1]
     lowest = capsule.pos - plane.axis * capsule.size[0]
     points = jnp.stack([lowest + half, lowest - half])
@@ -46,8 +47,8 @@ def plane_cylinder(plane: Shape, cylinder: Shape) -> Contacts:
     radius, half_length = cylinder.size[0], cylinder.size[1]
     normal = cylinder.mat.T @ plane.axis
     down = jnp.where(normal[2] > 0, -cylinder.axis, cylinder.axis)
-    # In the cylinder's own axes: a radial vector taken from the world's would be rounding noise,
-    # not orthogonal to the axis, where the cylinder almost stands.
+    # In the cylinder's axes: if it almost stands, a radial vector computed in world axes would
+    # consist of rounding errors and not be orthogonal to the axis.
     radial, _ = direction(-normal * jnp.array([1, 1, 0], normal.dtype), unit(0, normal))
     rim = cylinder.mat @ radial * radius
     side = jnp.cross(rim, down) * (np.sqrt(3.0).item() / 2)
@@ -56,15 +57,15 @@ def plane_cylinder(plane: Shape, cylinder: Shape) -> Contacts:
     return _at_points(plane, points, tangent_of(plane.axis))
 
 
-# One corner of each of a box's four diagonals; the other end is its opposite.
+# One corner of each of a box's four diagonals; the other is its negative.
 _DIAGONALS = np.array([[1, 1, 1], [1, 1, -1], [1, -1, 1], [1, -1, -1]])
 
 
 def plane_box(plane: Shape, box: Shape) -> Contacts:
     """Four contacts, at the corners below the box's centre.
 
-    Exactly one end of each diagonal is below the centre, so no sorting is needed. Where a diagonal
-    is exactly level MuJoCo may keep both of its ends; here it is one.
+    One end of each diagonal is below the centre, so no sorting is needed. If a diagonal is exactly
+    level, MuJoCo may keep both of its ends; here one is kept.
     """
     normal = box.mat.T @ plane.axis
     corners = jnp.asarray(_DIAGONALS, normal.dtype) * box.size[None]
@@ -73,7 +74,7 @@ def plane_box(plane: Shape, box: Shape) -> Contacts:
     return _at_points(plane, points, tangent_of(plane.axis))
 
 
-# Corners of a mesh closer to its lowest one than this, relative to its size, add nothing to that.
+# Corners of a mesh closer than this to its lowest corner, relative to its size, are left out.
 _CLOSE = 0.3
 
 
@@ -84,7 +85,7 @@ def plane_mesh(plane: Shape, mesh: Shape) -> Contacts:
     dist = corners @ normal + plane.axis @ (mesh.pos - plane.pos)
     lowest = one_hot(-dist)
     apart = jnp.sqrt(jnp.sum((corners - pick(lowest, corners)[None]) ** 2, axis=1))
-    # All that is below the plane is as good.
+    # All corners below the plane have the same weight.
     above = jnp.maximum(dist, 0)
     weight = levelness(above - jnp.min(above), apart)
     weight = jnp.where(apart > _CLOSE * jnp.sqrt(mesh.size @ mesh.size), weight, 0)
