@@ -1,8 +1,24 @@
-"""Pictures of simulations: films by MuJoCo's renderer, and pages for a browser."""
+"""Pictures of simulations: films by MuJoCo's renderer, pages for a browser, plots."""
 
+from jaxsim.viz.curves import plot_learning
 from jaxsim.viz.filming import film
 from jaxsim.viz.frames import Frames
 from jaxsim.viz.page import Page, html
+from jaxsim.viz.picture import Picture
+from jaxsim.viz.plots import plot_contact_forces, plot_energy, plot_gradient, plot_trajectory
 from jaxsim.viz.recording import load_trajectory, save_trajectory
 
-__all__ = ["Frames", "Page", "film", "html", "load_trajectory", "save_trajectory"]
+__all__ = [
+    "Frames",
+    "Page",
+    "Picture",
+    "film",
+    "html",
+    "load_trajectory",
+    "plot_contact_forces",
+    "plot_energy",
+    "plot_gradient",
+    "plot_learning",
+    "plot_trajectory",
+    "save_trajectory",
+]

@@ -4,16 +4,19 @@ import pathlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-_NO_MATPLOTLIB = "drawing a learning curve needs matplotlib: pip install matplotlib"
+from jaxsim.viz.picture import Picture
 
 
 def plot_learning(
     runs: Mapping[str, Sequence[Mapping[str, float]]],
-    path: str | pathlib.Path,
+    path: str | pathlib.Path | None = None,
     title: str = "",
     goal: float | None = None,
-) -> None:
-    """Draw returns against wall time and against environment steps, and write the picture.
+) -> Picture:
+    """Draw returns against wall time and against environment steps.
+
+        result = jaxsim.rl.train("inverted_pendulum")
+        jaxsim.viz.plot_learning({"ppo": result.history})
 
     Args:
       runs: rows of each run, by the name of its curve; those with "eval_return" are drawn as a
@@ -22,28 +25,28 @@ def plot_learning(
       title: above the picture.
       goal: return to mark by a horizontal line.
 
+    Returns:
+      The picture.
+
     Raises:
       RuntimeError: matplotlib is not installed.
     """
-    figure = _figure()
+    picture = Picture(columns=2, title=title, sharey=True)
     for axes, column, label in zip(
-        figure.subplots(1, 2, sharey=True),
-        ("seconds", "steps"),
-        ("wall time (s)", "steps"),
-        strict=True,
+        picture.axes, ("seconds", "steps"), ("wall time (s)", "steps"), strict=True
     ):
         for index, (name, rows) in enumerate(runs.items()):
             _draw(axes, rows, column, name, f"C{index}", "while training" if index == 0 else None)
         if goal is not None:
             axes.axhline(goal, color="gray", linestyle=":")
         axes.set_xlabel(label)
-        axes.grid(alpha=0.3)
-    figure.axes[0].set_ylabel("return of an episode")
-    figure.axes[1].xaxis.set_major_formatter("{x:,.0f}")
-    figure.axes[1].locator_params(axis="x", nbins=5)
-    figure.axes[1].legend()
-    figure.suptitle(title)
-    figure.savefig(path)
+    picture.axes[0].set_ylabel("return of an episode")
+    picture.axes[1].xaxis.set_major_formatter("{x:,.0f}")
+    picture.axes[1].locator_params(axis="x", nbins=5)
+    picture.axes[1].legend()
+    if path is not None:
+        picture.save(path)
+    return picture
 
 
 def _draw(
@@ -60,15 +63,3 @@ def _draw(
     evaluated = [(row[column], row["eval_return"]) for row in rows if "eval_return" in row]
     if evaluated:
         axes.plot(*zip(*evaluated, strict=True), "o-", color=color, label=name, markersize=3)
-
-
-def _figure() -> Any:
-    """A figure that needs no display."""
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise RuntimeError(_NO_MATPLOTLIB) from error
-    figure = Figure(figsize=(9, 4), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
