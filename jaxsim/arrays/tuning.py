@@ -187,13 +187,13 @@ UNROLLED_EVALUATIONS = 8
 Gains: no cost of a loop, few operations; unknown.
 Seen: b322067.
 """
-FEW_CONTACTS = 8
+COMPACTED_CONTACTS = 8
 """Slots of contacts that an articulated solve keeps where no more push in a batch.
 
 Gains: unknown.
 Seen: 303714b.
 """
-MANY_CONTACTS = 12
+COMPACTION_CONTACTS = 12
 """Slots from which so few repay the compilation of a second program.
 
 Gains: unknown.

@@ -1,4 +1,4 @@
-"""Equality, dry friction, limits and contacts as one convex problem, and its solution."""
+"""Constraints: equality, dry friction, limit and contact rows, and the convex problem they form."""
 
 from jaxsim.constraint.block import Block, RowType
 from jaxsim.constraint.solve import (

@@ -1,4 +1,4 @@
-"""A block of constraint rows: what they are, their cost and their Jacobian."""
+"""`Block`: constraint rows of one type, with their cost and their Jacobian."""
 
 import enum
 
@@ -10,7 +10,7 @@ from jaxsim.solver import Kind
 
 
 class RowType(enum.Enum):
-    """What a row holds in place. The values are for messages."""
+    """The types of rows; their values are names for messages."""
 
     CONNECT = "connect equality"
     WELD = "weld equality"
@@ -29,10 +29,11 @@ class Block:
 
     Attributes:
       kind: cost of the rows, with their reference accelerations and regularisation.
-      jacobian: how the rows depend on the accelerations.
-      type: what the rows hold in place, static.
-      ids: id of the element behind each entry along the first axis, static; empty for contacts.
-      weight: mean inverse inertia of each entry, of rows with friction; else None.
+      jacobian: Jacobian of the rows.
+      type: type of the rows, static.
+      ids: id of the constrained element for each index of the first axis, static; empty for
+        contacts.
+      weight: mean inverse inertia for each index of the first axis; None for rows without friction.
     """
 
     kind: Kind

@@ -1,8 +1,8 @@
-"""A solve without the contacts that cannot push, where few can.
+"""Constraint solves with fewer contact slots, while few of them are active in a batch.
 
-A model has a slot for every contact that it may have, and most are empty. What a solver does with a
-slot costs a batch the same, empty or not. So slots that are empty in all of a batch are left out
-where the others are few.
+A model has a slot for every possible contact, and most are inactive. In a batch, an inactive slot
+costs as much as an active one. So if only few slots are active in any environment of the batch,
+the solve is done with these slots only.
 """
 
 import functools
@@ -35,39 +35,44 @@ def with_compacted_contacts(
     problem: Problem,
     operator: TreeOperator,
 ) -> T:
-    """`run(problem, operator)`; in a batch with `FEW_CONTACTS` slots of a kind, if no more push.
+    """`run(problem, operator)`, in a batch with fewer contact slots if these are enough.
 
-    Other than articulated solves cost so much more than their contacts that it would not pay, and
-    one environment alone is too quick to repay the second program's compilation.
+    Only articulated solves are compacted: others cost much more than their contacts. A program for
+    one environment is not compacted, because compiling a second solve would not pay.
 
     Args:
-      run: what does not depend on contacts with `D = 0`.
+      run: function whose result does not depend on contacts with `D = 0`.
       problem: the blocks of rows.
-      operator: with their Jacobians.
+      operator: the operator with the Jacobians of the blocks.
+
+    Returns:
+      The result of `run`.
     """
     pairs = enumerate(zip(operator.jacobians, problem.blocks, strict=True))
     many = [
-        i for i, (J, kind) in pairs if _is_of_links(J) and len(kind.aref) >= tuning.MANY_CONTACTS
+        i
+        for i, (J, kind) in pairs
+        if _is_of_links(J) and len(kind.aref) >= tuning.COMPACTION_CONTACTS
     ]
     if operator.strategy != "articulated" or not many:
         return run(problem, operator)
 
     ranks = {i: jnp.cumsum(nonzero_in_batch(problem.blocks[i].D)) for i in many}
-    few = jnp.all(jnp.stack([rank[-1] <= tuning.FEW_CONTACTS for rank in ranks.values()]))
-    few = few & is_batched(problem.blocks[many[0]].D)
-    pays = serial_or_parallel(lambda few: few, jnp.zeros_like, few)
-    shortened = lambda: run(*_shortened(problem, operator, ranks))  # noqa: E731
-    return lax.cond(pays, shortened, lambda: run(problem, operator))
+    fits = jnp.all(jnp.stack([rank[-1] <= tuning.COMPACTED_CONTACTS for rank in ranks.values()]))
+    fits = fits & is_batched(problem.blocks[many[0]].D)
+    pays = serial_or_parallel(lambda fits: fits, jnp.zeros_like, fits)
+    compacted = lambda: run(*_compacted(problem, operator, ranks))  # noqa: E731
+    return lax.cond(pays, compacted, lambda: run(problem, operator))
 
 
 def _is_of_links(J: Jacobian) -> bool:
     return isinstance(J, ContactRows | LinkRows)
 
 
-def _shortened(problem: Problem, operator: TreeOperator, ranks: dict[int, Array]):
-    """The problem with the first items that push of some blocks."""
+def _compacted(problem: Problem, operator: TreeOperator, ranks: dict[int, Array]):
+    """The problem and the operator with the first active contacts of some blocks."""
     kinds, jacobians = list(problem.blocks), list(operator.jacobians)
-    item = jnp.arange(tuning.FEW_CONTACTS)
+    item = jnp.arange(tuning.COMPACTED_CONTACTS)
     for i, rank in ranks.items():
         index = jax.vmap(functools.partial(index_of_nth, rank))(item)
         kinds[i] = _kept(kinds[i], index, item < rank[-1])

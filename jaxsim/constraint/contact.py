@@ -1,4 +1,4 @@
-"""Contact rows: geometry and velocity of each contact, and what the model's law makes of them."""
+"""Blocks of contact rows, with the cost that the model's contact law gives them."""
 
 import jax
 import jax.numpy as jnp
@@ -23,12 +23,12 @@ def contact_blocks(motion: Motion, contact: Contact) -> list[Block]:
 def contact_forces(
     contact: Contact, blocks: list[Block], forces: tuple[Array, ...]
 ) -> Float[Array, "nc 6"]:
-    """(force, torque) of each contact in its frame, on geom2 from geom1: `mj_contactForce`.
+    """(force, torque) on geom2 of each contact, in the contact frame, as `mj_contactForce`.
 
     Args:
       contact: the contacts.
       blocks: all constraint rows.
-      forces: force of each row, block by block.
+      forces: forces of the rows of each block.
     """
     pairs = zip(blocks, forces, strict=True)
     rows = [force for block, force in pairs if block.type is RowType.CONTACT]
@@ -38,7 +38,7 @@ def contact_forces(
 
 
 def _slots(contact: Contact, slots: slice) -> Contact:
-    """The contacts of one range; ids may be numpy arrays, which `jax.tree.map` would trace."""
+    """The contacts of one range; not by `jax.tree.map`, which would trace ids in NumPy arrays."""
     fields = (
         "dist pos frame includemargin friction solref solreffriction solimp geom1 geom2".split()
     )
@@ -75,6 +75,6 @@ def _jacobian(motion: Motion, contact: Contact, kind: ContactKind, bodies) -> Co
 
 
 def _arms(motion: Motion, pos: Float[Array, "n 3"], link: Index) -> Float[Array, "n 3"]:
-    """Points from the reference points of links; anything where the link is -1."""
+    """Points relative to the reference points of links; arbitrary where the link is -1."""
     origins = motion.link_origins()
     return pos - gather(origins, link % max(len(origins), 1))

@@ -1,7 +1,7 @@
-"""Rows of contacts: how a point of one link moves past a point of another, in the contact frame.
+"""Rows of contacts: the relative motion of two links at a point, in the contact frame.
 
-Nothing of the size of a Jacobian is kept. An arm for each link and the frame say all, and
-`J^T W J` is summed as three 3x3 matrices for each link.
+The Jacobian is not stored as a matrix, but as the contact frame and the lever arm of each link.
+`J^T W J` is a sum of three 3x3 matrices for each link.
 """
 
 import jax
@@ -24,9 +24,9 @@ class Side:
     """One of the two links of each contact.
 
     Attributes:
-      arm: (n, 3) contact point from the reference point of the link's tree, world axes (m).
-      link: the links.
-      sign: 1 for the second geom's link, -1 for the first one's, static.
+      arm: (n, 3) contact point relative to the reference point of the link's tree, world axes (m).
+      link: link of each contact.
+      sign: 1 for the link of the second geom, -1 for that of the first, static.
     """
 
     arm: Float[Array, "n 3"]
@@ -36,14 +36,14 @@ class Side:
 
 @struct.dataclass
 class ContactRows:
-    """The relative motion of two links at n contacts that have the same dimension.
+    """Rows of n contacts of the same dimension.
 
-    In the contact frame it has a normal, two sliding, one spinning and two rolling components, of
-    which `condim` are rows.
+    The relative motion of two links at a contact has a normal, two sliding, one spinning and two
+    rolling components in the contact frame; the first `condim` are rows.
 
     Attributes:
       frame: (n, 3, 3) rows are the normal and two tangents.
-      sides: the links that may move.
+      sides: the sides of which some link may move.
       condim: number of components, static.
     """
 
@@ -53,25 +53,25 @@ class ContactRows:
 
     @property
     def coupled(self) -> bool:
-        """Whether two links that both move may meet in one contact."""
+        """Whether both links of a contact may move."""
         return len(self.sides) == 2
 
     def apply(self, x, a: Float[Array, "njnt 6"]) -> Float[Array, "n condim"]:
-        """Relative accelerations `J x` from those of the links, `a`."""
+        """`J x`, from the accelerations `a` of the links."""
         parts = [
             s.sign * jax.vmap(twist_at)(gather_or_zero(a, s.link.index), s.arm) for s in self.sides
         ]
         return jax.vmap(self._components)(self.frame, sum(parts[1:], parts[0]))
 
     def add_force(self, f: Float[Array, "n condim"], force, wrench: Float[Array, "njnt 6"]):
-        """Wrenches on the links only."""
+        """Adds to the wrenches only."""
         pushes = jax.vmap(self._wrench)(self.frame, f)
         for s in self.sides:
             wrench = add_at(wrench, s.link, s.sign * jax.vmap(wrench_from)(pushes, s.arm))
         return force, wrench
 
     def add_curvature(self, W: Array, diagonal, matrix: Float[Array, "njnt 6 6"]):
-        """Link matrices of each side by itself; W is diagonal or in blocks (n, condim, condim)."""
+        """Adds the terms of each side; W is diagonal or in blocks (n, condim, condim)."""
         if W.ndim == 2:
             W = jax.vmap(jnp.diag)(W)
         stiffness = jax.vmap(self._stiffness)(self.frame, W)
@@ -91,36 +91,36 @@ class ContactRows:
         return sum(parts[1:], parts[0])
 
     def restricted(self, components: Components) -> "ContactRows | LinkRows":
-        """Maps from the few components, which are smaller than arms and frame."""
+        """As `LinkRows`, because maps from few components are smaller than frames and arms."""
         if components == ALL:
             return self
         sides = tuple((s.sign * self._map(s.arm), s.link) for s in self.sides)
         return LinkRows(sides).restricted(components)
 
     def renumbered(self, compound: Compound) -> "ContactRows":
-        """Links have other numbers."""
+        """The same rows with the links renumbered."""
         sides = tuple(Side(s.arm, s.link.renumbered(compound.node), s.sign) for s in self.sides)
         return ContactRows(self.frame, sides, self.condim)
 
     def items(self, index: Int[Array, "k"]) -> "ContactRows":
-        """The contacts with an index."""
+        """The contacts at these indices."""
         sides = tuple(Side(items(s.arm, index), s.link.items(index), s.sign) for s in self.sides)
         return ContactRows(items(self.frame, index), sides, self.condim)
 
     def _map(self, arm: Float[Array, "n 3"]) -> Float[Array, "n condim 6"]:
-        """From a link's motion to the rows: the wrenches that the rows' unit forces are."""
+        """Maps from a link's twist to the rows; their rows are the wrenches of unit forces."""
         about = jax.vmap(jax.vmap(wrench_from, in_axes=(0, None)))
         return about(jax.vmap(self._unit_wrenches)(self.frame), arm)
 
     def _components(self, frame, motion):
-        """The rows of a motion (angular, linear) at the contact point."""
+        """Row values of a twist (angular, linear) at the contact point."""
         linear = frame[: self.condim] @ motion[3:]
         if self.condim <= 3:
             return linear
         return jnp.concatenate([linear, frame[: self.condim - 3] @ motion[:3]])
 
     def _wrench(self, frame, force):
-        """The transpose of `_components`: (torque, force) at the contact point."""
+        """Transpose of `_components`: (torque, force) at the contact point."""
         push = force[:3] @ frame[: self.condim]
         spin = force[3:] @ frame[: self.condim - 3] if self.condim > 3 else jnp.zeros_like(push)
         return jnp.concatenate([spin, push])
@@ -135,7 +135,7 @@ class ContactRows:
         return jnp.concatenate([pushes, jnp.concatenate([A, jnp.zeros_like(A)], axis=1)])
 
     def _stiffness(self, frame, W):
-        """Linear, mixed and angular 3x3 blocks of `C^T W C`, with C that of `_components`."""
+        """Linear, mixed and angular 3x3 blocks of `C^T W C`, where C is the map `_components`."""
         F = frame[: self.condim]
         linear = F.T @ (W[:3, :3] @ F)
         if self.condim <= 3:
@@ -145,13 +145,13 @@ class ContactRows:
 
 
 def contact_rows(frame, condim: int, arms, links) -> ContactRows:
-    """Rows of the contacts, without the links that never move.
+    """Rows of contacts, without sides that never move.
 
     Args:
       frame: (n, 3, 3) contact frames.
       condim: dimension of the contacts.
-      arms: contact points from the reference points of the first and of the second links.
-      links: first and second links in tree order, -1 for what does not move; numpy if static.
+      arms: contact points relative to the reference points of the first and of the second links.
+      links: first and second links in tree order, -1 for none; NumPy arrays if static.
     """
     sides = [
         Side(arm, LinkIndex.of(link), sign)
@@ -162,15 +162,16 @@ def contact_rows(frame, condim: int, arms, links) -> ContactRows:
 
 
 def _shifted(stiffness, arm):
-    """Blocks at the contact point, from about the reference point: linear, mixed and angular.
+    """Blocks (upper, lower, linear) of a stiffness about the reference point.
 
-    With X the matrix of `omega -> omega x arm`: `K`, `K X + B^T` and `X^T K X + B X + (B X)^T + A`.
+    From the linear block K, the mixed block B and the angular block A at the contact point, and the
+    matrix X of `omega -> omega x arm`: `X^T K X + B X + (B X)^T + A`, `K X + B^T` and `K`.
     """
     linear, mixed, angular = stiffness
     lower = jnp.cross(arm[None], linear)  # K X; its rows are arm x the rows of K
     if mixed is not None:
         lower = lower + mixed.T
-    lower = lax.optimization_barrier(lower)  # used twice
+    lower = lax.optimization_barrier(lower)  # used twice: XLA would compute it twice
     upper = jnp.cross(arm[:, None], lower, axis=0)
     if mixed is not None:
         upper = upper + jnp.cross(arm[None], mixed) + angular
@@ -178,6 +179,6 @@ def _shifted(stiffness, arm):
 
 
 def _joined(upper, lower, linear):
-    """The symmetric 6x6 matrix of the blocks."""
+    """The symmetric 6x6 matrix of three blocks."""
     top = jnp.concatenate([upper, lower.T], axis=1)
     return jnp.concatenate([top, jnp.concatenate([lower, linear], axis=1)])

@@ -41,7 +41,7 @@ def equality_blocks(motion: Motion) -> list[Block]:
 
 
 def _connect(motion: Motion, ids: np.ndarray) -> Block:
-    """Two points coincide: three rows."""
+    """Rows by which two points coincide, three each."""
     data = take(motion.model.eq_data, ids)
     e = ends(motion, ids, data[:, :3], data[:, 3:6])
     G1, G2 = (twist_rows(motion, e, side, rotation=False) for side in (0, 1))
@@ -53,10 +53,10 @@ def _connect(motion: Motion, ids: np.ndarray) -> Block:
 
 
 def _weld(motion: Motion, ids: np.ndarray) -> Block:
-    """Two frames coincide: three rows of position, three of the quaternion's axis part.
+    """Rows by which two frames coincide: three for the position, three for the orientation.
 
-    The rotational error is the vector part of `conj(q2) q1 q_rel`, whose rate is half of the
-    vector part of `conj(q2) (0, w1 - w2) q1 q_rel`: a 3x3 matrix times the relative velocity.
+    The rotational error is the vector part of `conj(q2) q1 q_rel`. Its rate is half of the vector
+    part of `conj(q2) (0, w1 - w2) q1 q_rel`, a 3x3 matrix times the relative angular velocity.
     """
     model = motion.model
     data = take(model.eq_data, ids)
@@ -107,7 +107,7 @@ def _rotation_rate(first, second):
 
 
 def _rotation_bias(first, second, w1, w2):
-    """What the turning of the two frames adds to the second derivative of the error."""
+    """Part of the rotational error's second derivative that depends on angular velocities only."""
 
     def pure(w):
         return jnp.concatenate([jnp.zeros_like(w[:1]), w])
@@ -120,7 +120,7 @@ def _rotation_bias(first, second, w1, w2):
 
 
 def _weights(motion: Motion, e: Ends, columns: int):
-    """Inverse inertia of each row: translational ones first, then rotational ones."""
+    """Inverse inertia of each row: translational, and then rotational if `columns` is 2."""
     weight = take(motion.model.body_invweight0, e.body[0]) + take(
         motion.model.body_invweight0, e.body[1]
     )
@@ -128,7 +128,7 @@ def _weights(motion: Motion, e: Ends, columns: int):
 
 
 def _block(motion: Motion, ids, jacobian, violation, bias, weight, type_: RowType) -> Block:
-    """Rows that share one impedance, a function of the norm of their violation."""
+    """A block; the rows of one constraint share an impedance, a function of the error's norm."""
     model = motion.model
     velocity = row_velocity(motion, jacobian)
 
@@ -142,7 +142,7 @@ def _block(motion: Motion, ids, jacobian, violation, bias, weight, type_: RowTyp
 
 
 def _joint(motion: Motion, ids: np.ndarray) -> Block:
-    """One scalar joint is a polynomial of another, or constant."""
+    """Rows by which a scalar joint is a polynomial of another, or constant."""
     model = motion.model
     dofs = [model.jnt_dofadr[i] for i in (model.eq_obj1id[ids], model.eq_obj2id[ids])]
     addresses = [model.jnt_qposadr[i] for i in (model.eq_obj1id[ids], model.eq_obj2id[ids])]
@@ -159,7 +159,7 @@ def _joint(motion: Motion, ids: np.ndarray) -> Block:
 
 
 def _tendon(motion: Motion, ids: np.ndarray) -> Block:
-    """One tendon's length is a polynomial of another's, or constant."""
+    """Rows by which a tendon's length is a polynomial of another's, or constant."""
     model = motion.model
     both = model.eq_obj1id[ids], np.maximum(model.eq_obj2id[ids], 0)
     stretch = motion.kin.ten_length - model.tendon_length0
@@ -175,7 +175,7 @@ def _tendon(motion: Motion, ids: np.ndarray) -> Block:
 
 
 def _polynomial(motion: Motion, ids, value, J, weight, type_: RowType) -> Block:
-    """`value1 = poly(value2)`, the polynomial of degree four without its second object constant."""
+    """Rows `value1 = poly(value2)` of degree four; without a second object, poly is constant."""
     model = motion.model
     paired = jnp.asarray(model.eq_obj2id[ids] >= 0, motion.qvel.dtype)
     coefficients = take(model.eq_data, ids)[:, :5]

@@ -49,7 +49,7 @@ def friction_blocks(motion: Motion) -> list[Block]:
 
 
 def _block(motion: Motion, jacobian, ids: np.ndarray, parameters, type_: RowType) -> Block:
-    """Rows whose reference only damps: dry friction has no position to return to."""
+    """A block; its reference acceleration only damps, as dry friction has no rest position."""
     velocity = row_velocity(motion, jacobian)
 
     def row(velocity, solref, solimp, weight):

@@ -1,8 +1,9 @@
-"""From `solref` and `solimp` to the spring, the damper and the regularisation of a row.
+"""Stiffness, damping and impedance of constraint rows from `solref` and `solimp`.
 
-A constraint row wants the acceleration `aref = -b v - k d r` and resists deviations from it with
-the inverse inertia `R = (1 - d) / d * A`: r is the violation, v its rate, d the impedance, A the
-row's inverse inertia (MuJoCo documentation, chapter "Computation", "Constraint model").
+The reference acceleration of a row is `aref = -b v - k d r` and its regularisation is
+`R = (1 - d) / d * A`. Here r is the violation, v its rate, k the stiffness, b the damping, d the
+impedance and A the row's inverse inertia (MuJoCo documentation, chapter "Computation", section
+"Constraint model").
 """
 
 import jax.numpy as jnp
@@ -13,7 +14,7 @@ from jaxtyping import Array, Bool, Float
 from jaxsim.arrays.constants import MAXIMP, MINIMP, MINVAL
 from jaxsim.model import Option
 
-# What MuJoCo uses instead of a solref whose two numbers differ in sign.
+# MuJoCo's replacement for a solref whose two numbers differ in sign.
 DEFAULT_SOLREF = (0.02, 1.0)
 
 _REFSAFE_OFF = mujoco.mjtDisableBit.mjDSBL_REFSAFE
@@ -21,7 +22,7 @@ _REFSAFE_OFF = mujoco.mjtDisableBit.mjDSBL_REFSAFE
 
 @struct.dataclass
 class Response:
-    """How one constraint answers to its violation.
+    """Stiffness, damping and impedance of one constraint.
 
     Attributes:
       stiffness: k (1/s^2).
@@ -51,12 +52,12 @@ def response(
       opt: the model's options; `refsafe` keeps time constants above two timesteps.
       solref: (time constant, damping ratio), or (-stiffness, -damping).
       solimp: (dmin, dmax, width, midpoint, power).
-      violation: distance from the margin; a norm where several rows share one.
+      violation: the violation; its norm for a constraint of several rows.
     """
     time, ratio = _reference(opt, solref)
     dmax = jnp.clip(solimp[1], MINIMP, MAXIMP)
     standard = time > 0
-    # Both branches are evaluated, so each gets harmless numbers where the other one is chosen.
+    # Both branches are evaluated; each gets finite arguments where the other is selected.
     safe_time, safe_ratio = jnp.where(standard, time, 1.0), jnp.where(standard, ratio, 1.0)
     spring = 1 / jnp.maximum(dmax**2 * safe_time**2 * safe_ratio**2, MINVAL)
     return Response(
@@ -67,14 +68,14 @@ def response(
 
 
 def inverse_where(active: Bool[Array, "..."], R: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """`1 / R` where active, else zero: the row then contributes nothing."""
+    """D of rows: `1 / R` where active, else zero, which removes the row from the problem."""
     return jnp.where(active, 1 / jnp.where(active, R, 1.0), 0.0)
 
 
 def impedance(solimp: Float[Array, "5"], violation: Float[Array, ""]) -> Float[Array, ""]:
-    """The impedance d: from dmin at no violation to dmax at `width`, two power laws between.
+    """The impedance d, which rises from dmin at violation zero to dmax at `width`.
 
-    They meet at `midpoint`.
+    Between them it follows two power laws, which meet at `midpoint`.
     """
     dmin = jnp.clip(solimp[0], MINIMP, MAXIMP)
     dmax = jnp.clip(solimp[1], MINIMP, MAXIMP)
@@ -85,9 +86,9 @@ def impedance(solimp: Float[Array, "5"], violation: Float[Array, ""]) -> Float[A
     inside = (x > 0) & (x < 1)
     x_safe = jnp.where(inside, x, 0.5)
     lower = x_safe <= middle
-    # One power law serves both sides: the upper one is the lower one turned by half a turn.
+    # The upper power law is the lower one, rotated by half a turn.
     base, scale = jnp.where(lower, x_safe, 1 - x_safe), jnp.where(lower, middle, 1 - middle)
-    # A power of a positive number; unlike `**` this is vectorised.
+    # `**` of positive numbers, but XLA vectorises this.
     curve = scale * jnp.exp(power * jnp.log(base / scale))
     y = jnp.where(lower, curve, 1 - curve)
     y = jnp.where(inside, y, jnp.where(x >= 1, 1.0, 0.0))
@@ -95,7 +96,7 @@ def impedance(solimp: Float[Array, "5"], violation: Float[Array, ""]) -> Float[A
 
 
 def _reference(opt: Option, solref: Float[Array, "2"]) -> tuple[Array, Array]:
-    """The two numbers of solref, a mixed format replaced, the time constant kept safe."""
+    """The numbers of solref, with mixed signs replaced and, by `refsafe`, a large time constant."""
     mixed = (solref[0] > 0) != (solref[1] > 0)
     time = jnp.where(mixed, DEFAULT_SOLREF[0], solref[0])
     ratio = jnp.where(mixed, DEFAULT_SOLREF[1], solref[1])

@@ -1,11 +1,11 @@
-"""How constraint rows depend on accelerations: kinds of Jacobians.
+"""Jacobians of constraint rows, in several sparse forms.
 
-Rows of single degrees of freedom (`DofRows`), rows of the relative motion of two links
-(`LinkRows`; those of contacts are in `contact_rows`), and everything else (`DenseRows`).
-Accelerations come in lifted form: `x` in tree order and the accelerations `a` of the links that
-it causes, about the trees' reference points. Of these there are six components, or those that
-the Jacobian was restricted to (`jaxsim.dynamics.components`). The tree has one link for each joint
-or, after `renumbered`, for each body with joints (`jaxsim.model.compound`).
+`DofRows` are rows of single degrees of freedom, `LinkRows` rows of the relative motion of two links
+(those of contacts are in `contact_rows`), and `DenseRows` all others. Products take accelerations
+in lifted form: `x` of the degrees of freedom in tree order, and `a` of the links about the trees'
+reference points. `a` has six components, or those to which the Jacobian is restricted
+(`jaxsim.dynamics.components`). The tree has one link for each joint or, after `renumbered`, for
+each body with joints (`jaxsim.model.compound`).
 """
 
 import math
@@ -30,18 +30,21 @@ from jaxsim.solver import weighed
 
 
 class Jacobian(Protocol):
-    """A block of rows, each in the shape `rows`; links' motions have c components."""
+    """Jacobian J of a block of rows; accelerations of links have c components."""
 
     def apply(self, x: Float[Array, "nv"], a: Float[Array, "njnt c"]) -> Array:
         """`J x`."""
         ...
 
     def add_force(self, f: Array, force: Array, wrench: Array) -> tuple[Array, Array]:
-        """Generalised forces (nv,) and wrenches on the links (njnt, c), with `J^T f` added."""
+        """Add `J^T f` to generalised forces (nv,) and wrenches on the links (njnt, c)."""
         ...
 
     def add_curvature(self, W: Array, diagonal: Array, matrix: Array) -> tuple[Array, Array]:
-        """A diagonal (nv,) and link matrices (njnt, c, c), with `J^T W J` added, uncoupled."""
+        """Add `J^T W J` without coupling to a diagonal (nv,) and link matrices (njnt, c, c).
+
+        Terms that couple two links, or two degrees of freedom of `DenseRows`, are left out.
+        """
         ...
 
     def dense(self, tree: Forest, cdof: Float[Array, "nv c"]) -> Array:
@@ -49,16 +52,16 @@ class Jacobian(Protocol):
         ...
 
     def restricted(self, components: Components) -> "Jacobian":
-        """The same rows, for links whose motions have these components."""
+        """The same rows for accelerations of links with only these components."""
         ...
 
     def renumbered(self, compound: Compound) -> "Jacobian":
-        """The same rows, for the links and the order of a compound tree."""
+        """The same rows for the links and the order of a compound tree."""
         ...
 
     @property
     def coupled(self) -> bool:
-        """Whether `add_curvature` leaves anything out."""
+        """Whether `add_curvature` leaves terms out."""
         ...
 
 
@@ -68,16 +71,16 @@ def row_velocity(motion: Motion, jacobian: Jacobian) -> Array:
 
 
 def moves_anything(J: Float[Array, "n nv"]) -> Bool[Array, "n"]:
-    """Which rows are not zero. What moves nothing has no inertia either, and no finite force."""
+    """Whether each row is nonzero; a zero row has no inverse inertia and no finite force."""
     return jnp.any(J != 0, axis=1)
 
 
 @struct.dataclass
 class DofRows:
-    """Rows that are multiples of single degrees of freedom: `scale * x[dof]`.
+    """Rows `scale * x[dof]` of single degrees of freedom.
 
     Attributes:
-      scale: (n,) multiples.
+      scale: (n,) factors.
       dof: (n,) degree of freedom of each row, tree order, static.
     """
 
@@ -91,25 +94,25 @@ class DofRows:
         return self.scale * take(x, np.array(self.dof, int))
 
     def add_force(self, f, force, wrench):
-        """Generalised forces only."""
+        """Adds to the generalised forces only."""
         return force + sum_by(self.scale * f, np.array(self.dof, int), len(force)), wrench
 
     def add_curvature(self, W, diagonal, matrix):
-        """A diagonal, and exact."""
+        """Adds to the diagonal; exact."""
         weight = self.scale * self.scale * W
         return diagonal + sum_by(weight, np.array(self.dof, int), len(diagonal)), matrix
 
     def dense(self, tree, cdof):
-        """One entry per row."""
+        """J with one entry in each row."""
         unit = np.eye(tree.nv)[np.array(self.dof, int)]
         return self.scale[:, None] * jnp.asarray(unit, cdof.dtype)
 
     def restricted(self, components):
-        """As it is."""
+        """No change: the rows do not depend on links."""
         return self
 
     def renumbered(self, compound):
-        """Degrees of freedom have other numbers."""
+        """The same rows with degrees of freedom renumbered."""
         return DofRows(self.scale, tuple(compound.dof_position[np.array(self.dof, int)].tolist()))
 
 
@@ -126,11 +129,11 @@ class DenseRows:
         return self.J @ x
 
     def add_force(self, f, force, wrench):
-        """Generalised forces only."""
+        """Adds to the generalised forces only."""
         return force + _flat(self.J).T @ f.reshape(-1), wrench
 
     def add_curvature(self, W, diagonal, matrix):
-        """The diagonal of `J^T W J`."""
+        """Adds the diagonal of `J^T W J`."""
         return diagonal + jnp.sum(_flat(weighed(W, self.J) * self.J), axis=0), matrix
 
     def dense(self, tree, cdof):
@@ -138,62 +141,62 @@ class DenseRows:
         return self.J
 
     def restricted(self, components):
-        """As it is."""
+        """No change: the rows do not depend on links."""
         return self
 
     def renumbered(self, compound):
-        """Columns change places."""
+        """The same rows with columns permuted."""
         return DenseRows(jnp.moveaxis(take(jnp.moveaxis(self.J, -1, 0), compound.dof), 0, -1))
 
 
 @struct.dataclass
 class LinkRows:
-    """Rows of the motion of one link relative to another: `sum of G a[link]` over both.
+    """Rows of the motion of one link relative to another, the sum of `G a[link]` over both.
 
     Attributes:
-      sides: signed maps (n, d, c) from accelerations to rows, and the links they belong to;
-        links that never move are left out.
+      sides: for each of the two links, the signed maps G (n, d, c) from accelerations to rows, and
+        the link of each row; a side of links that never move is left out.
     """
 
     sides: tuple[tuple[Float[Array, "n d c"], LinkIndex], ...]
 
     @property
     def coupled(self):
-        """Whether two links that both move may meet in one row."""
+        """Whether both links of a row may move."""
         return len(self.sides) == 2
 
     def apply(self, x, a):
-        """Relative accelerations, (n, d)."""
+        """`J x`, the relative accelerations (n, d)."""
         return self._sum(lambda G, link: jax.vmap(jnp.matmul)(G, gather_or_zero(a, link.index)))
 
     def add_force(self, f, force, wrench):
-        """Wrenches on the links only."""
+        """Adds to the wrenches only."""
         for G, link in self.sides:
             wrench = add_at(wrench, link, jax.vmap(jnp.matmul)(f, G))
         return force, wrench
 
     def add_curvature(self, W, diagonal, matrix):
-        """`G^T W G` of each side by itself; W is diagonal or in blocks (n, d, d)."""
+        """Adds `G^T W G` of each side; W is diagonal or in blocks (n, d, d)."""
         for G, link in self.sides:
             WG = weighed(W, G)
             matrix = add_at(matrix, link, jax.vmap(lambda G, WG: G.T @ WG)(G, WG))
         return diagonal, matrix
 
     def dense(self, tree, cdof):
-        """Rows times the motion axes of the degrees of freedom that move each link."""
+        """J: the maps times the motion axes of the degrees of freedom that move each link."""
         rows = jax.vmap(lambda G, mask: (G @ cdof.T) * mask[None])
         return self._sum(lambda G, link: rows(G, moves(tree, link, cdof.dtype)))
 
     def restricted(self, components):
-        """Columns of the maps."""
+        """The same rows with the maps' columns for these components."""
         return LinkRows(tuple((restrict(components, G), link) for G, link in self.sides))
 
     def renumbered(self, compound):
-        """Links have other numbers."""
+        """The same rows with the links renumbered."""
         return LinkRows(tuple((G, link.renumbered(compound.node)) for G, link in self.sides))
 
     def items(self, index):
-        """Those with an index."""
+        """The rows at these indices."""
         sides = tuple((items(G, index), link.items(index)) for G, link in self.sides)
         return LinkRows(sides)
 
@@ -208,24 +211,24 @@ def add_products(
     """`H + J^T W J`.
 
     Args:
-      H: what to add to.
+      H: the matrix to add to.
       J: rows, one item for each contact or row.
       W: diagonal or in blocks, see `jaxsim.solver.weighed`.
-      rarely: whether few of the items push. A serial program then goes through those alone that do
-        anywhere in a batch.
+      rarely: whether few items have nonzero W. A program for a serial processor then loops over
+        those that are nonzero in some environment of the batch.
     """
     if not rarely:
         return _add_all(H, J, W)
-    return serial_or_parallel(_add_pushing, _add_all, H, J, W)
+    return serial_or_parallel(_add_nonzero, _add_all, H, J, W)
 
 
 def _add_all(H, J, W):
     return H + _flat(J).T @ _flat(weighed(W, J))
 
 
-def _add_pushing(H, J, W):
-    pushes = nonzero_in_batch(W)
-    rank = jnp.cumsum(pushes)
+def _add_nonzero(H, J, W):
+    nonzero = nonzero_in_batch(W)
+    rank = jnp.cumsum(nonzero)
 
     def add(i, H):
         k = index_of_nth(rank, i)
@@ -233,7 +236,7 @@ def _add_pushing(H, J, W):
         rows, WJ = jnp.atleast_2d(rows, weighed(weights, rows))
         return H + rows.T @ WJ
 
-    return lax.fori_loop(0, jnp.sum(pushes), add, H)
+    return lax.fori_loop(0, jnp.sum(nonzero), add, H)
 
 
 def _flat(rows: Float[Array, "*rows nv"]) -> Float[Array, "n nv"]:
@@ -242,14 +245,14 @@ def _flat(rows: Float[Array, "*rows nv"]) -> Float[Array, "n nv"]:
 
 
 def link_rows(link1: np.ndarray, G1: Array, link2: np.ndarray, G2: Array) -> LinkRows:
-    """Rows `G2 a[link2] - G1 a[link1]`, without the links that never move.
+    """Rows `G2 a[link2] - G1 a[link1]`, without a side of links that never move.
 
     Args:
-      link1: (n,) first links, -1 for what does not move.
-      G1: (n, d, 6).
-      link2: (n,) second links, likewise.
-      G2: (n, d, 6).
+      link1: (n,) first links, -1 for none.
+      G1: (n, d, 6) maps from the twists of the first links.
+      link2: (n,) second links, -1 for none.
+      G2: (n, d, 6) maps from the twists of the second links.
     """
     sides = ((-G1, LinkIndex.of(link1)), (G2, LinkIndex.of(link2)))
     moving = tuple(side for side in sides if side[1].may_move)
-    return LinkRows(moving or sides[1:])  # Rows of nothing still need their shape.
+    return LinkRows(moving or sides[1:])  # one side is needed for the shape of the rows

@@ -22,7 +22,7 @@ _LIMIT_OFF = mujoco.mjtDisableBit.mjDSBL_LIMIT
 
 
 def limit_blocks(motion: Motion) -> list[Block]:
-    """Rows of limited joints, those that are alike together, and of limited tendons."""
+    """Rows of limited joints, one block for each kind of limit, and of limited tendons."""
     model = motion.model
     if model.opt.disabled(_LIMIT_OFF):
         return []
@@ -36,7 +36,7 @@ def limit_blocks(motion: Motion) -> list[Block]:
 
 
 def _joints(motion: Motion, ids: np.ndarray) -> Block:
-    """One row for both ends of a range: they are never active together."""
+    """Rows of joints of one kind, one for both ends of a range: only one can be active."""
     model, joint = motion.model, JOINTS[int(motion.model.jnt_type[ids[0]])]
     lower, upper, gradient = jax.vmap(joint.limit)(
         position_rows(model, motion.qpos, ids).blocks(), take(model.jnt_range, ids)
@@ -47,7 +47,7 @@ def _joints(motion: Motion, ids: np.ndarray) -> Block:
 
 
 def _rows(model: Model, gradient, dofs: np.ndarray):
-    """Derivatives (n, nv) by these degrees of freedom (n, nv) as rows."""
+    """Rows with these derivatives (n, k) with respect to degrees of freedom (n, k)."""
     n, nv = dofs.shape
     if nv == 1:
         return DofRows(gradient[:, 0], tuple(dofs[:, 0].tolist()))
@@ -56,7 +56,7 @@ def _rows(model: Model, gradient, dofs: np.ndarray):
 
 
 def _tendons(motion: Motion, ids: np.ndarray) -> Block:
-    """Tendon lengths within their range."""
+    """Rows of limited tendons."""
     model = motion.model
     length, bounds = take(motion.kin.ten_length, ids), take(model.tendon_range, ids)
     violation, J = _nearer_end(
@@ -75,7 +75,7 @@ def _tendons(motion: Motion, ids: np.ndarray) -> Block:
 
 
 def _nearer_end(lower, upper, gradient, margin):
-    """Distance from the nearer end of each range, less the margin, and its gradient."""
+    """Distance to the nearer end of each range minus the margin, and its gradient."""
     below = lower < upper
     return (
         jnp.where(below, lower, upper) - margin,
@@ -102,7 +102,7 @@ def _block(
     type_: RowType,
     movable: Array | bool = True,
 ) -> Block:
-    """Rows that are active where their violation is negative and something can move."""
+    """A block; rows are active where `violation` is negative and `movable`."""
     velocity = row_velocity(motion, jacobian)
 
     def row(active, violation, velocity, solref, solimp, weight):

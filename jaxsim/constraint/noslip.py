@@ -1,18 +1,19 @@
-"""Friction that does not creep: MuJoCo's noslip solver, at its fixed point.
+"""Friction without creep: the fixed point of MuJoCo's noslip solver.
 
-After the main solve, friction is determined once more without regularisation: dry friction of
-joints and tendons within its bounds, that of contacts within what the normal forces of the main
-solve allow. These and all other forces stay (`mj_solNoSlip` in MuJoCo's `engine_solver.c`). So it
-is the minimum of
+After the main solve, friction forces are computed again without regularisation. Those of joints and
+tendons are bounded as before, those of contacts by the normal forces of the main solve. All other
+forces are held fixed (`mj_solNoSlip` in MuJoCo's `engine_solver.c`). The acceleration a is then the
+minimiser of
 
     1/2 |a - a_f|_M^2 + sum_i sigma_i(J_i a - aref_i),   M a_f = force + J^T (all other forces),
 
-sigma_i(r) the largest power of friction, a box or an ellipse of forces, at the residual r.
+where sigma_i(r) is the largest power of friction forces within their bounds, a box or an ellipse,
+at the residual r.
 
-MuJoCo makes `noslip_iterations` projected Gauss-Seidel sweeps from the forces of the main solve.
-Here the minimum is found, by Newton's method and passes (`jaxsim.solver.passes`), whatever their
-number: few sweeps depend on the order of the contacts and leave some creep. The derivative is that
-of the minimum.
+MuJoCo makes `noslip_iterations` projected Gauss-Seidel sweeps from the forces of the main solve;
+few sweeps depend on the order of the contacts and leave some creep. Here the minimum is found by
+Newton's method in several passes (`jaxsim.solver.passes`), whatever that number. The derivative is
+that of the minimum.
 """
 
 from collections.abc import Callable
@@ -47,11 +48,14 @@ def without_slip(
     """The acceleration and the forces without creep.
 
     Args:
-      blocks: all rows.
-      operator: with their Jacobians.
-      force: all forces but those of constraints.
-      y: the solution of the main problem, lifted.
-      minimiser: from all forces but those of these problems to how one of them is solved.
+      blocks: all blocks of rows.
+      operator: the operator with their Jacobians.
+      force: generalised forces other than constraint forces.
+      y: the lifted solution of the main problem.
+      minimiser: from the generalised forces of a problem to a function that solves it.
+
+    Returns:
+      The lifted acceleration, the forces of all rows, and the solution of the friction problem.
     """
     rows = operator.rows(y)
     forces = Problem(tuple(block.kind for block in blocks)).forces(rows)
@@ -81,14 +85,14 @@ def without_slip(
 
 
 def _normal(kind: Kind, force: Array) -> Array:
-    """The part of a block's forces that stays."""
+    """The part of a block's forces that is held fixed."""
     if isinstance(kind, Huber):
         return jnp.zeros_like(force)
     return force.at[:, 1:].set(0)
 
 
 def _dry(block: Block, jx: Array, force: Array) -> Kind:
-    """The friction of a block alone, bounded by the forces that stay."""
+    """Cost of a block's friction only, bounded by the fixed normal forces."""
     kind = block.kind
     assert block.weight is not None
     D = 1 / (softness(jx.dtype) * block.weight)
@@ -105,5 +109,5 @@ def _dry(block: Block, jx: Array, force: Array) -> Kind:
 
 
 def _without_normal(active, values: Float[Array, "n d-1"]) -> Float[Array, "n d"]:
-    """Values of friction rows beside zeros for the normal ones; zeros where nothing is active."""
+    """Values of friction rows with zeros for the normal row; all zero where not active."""
     return jnp.pad(jnp.where(active, values, 0.0), ((0, 0), (1, 0)))

@@ -1,12 +1,15 @@
 """Three ways to solve with the Hessian `H = M + J^T W J` of the constraint problem.
 
-`articulated`: without rows that couple two moving links, H is the mass matrix of the same tree
-with link inertias `I + G^T W G` and joint armatures `d + w`; one walk in, one walk out, O(n).
-`dense`: that mass matrix by composite bodies, `J^T W J` of the rows that couple, and Cholesky.
-`iterative`: conjugate gradients on products that cost O(n), preconditioned by the articulated solve
-that leaves the coupling out. The last two are articulated as well as long as no row that couples
-pushes, anywhere in a batch. All vectors are in the order of the tree with compound joints
-(`jaxsim.model.compound`), which has fewer links to walk over.
+- `articulated`: if no row couples two moving links, H is the mass matrix of the same tree with link
+  inertias `I + G^T W G` and joint armatures `d + w`. The articulated body algorithm solves in O(n).
+- `dense`: H as a matrix, from the composite rigid body algorithm and `J^T W J` of the rows that
+  couple, and its Cholesky factor.
+- `iterative`: conjugate gradients with O(n) products, preconditioned by the articulated solve
+  without coupling.
+
+The last two also use the articulated solve while no coupling contact is active in any environment
+of the batch. All vectors are in the order of the tree with compound joints
+(`jaxsim.model.compound`), which has fewer links.
 """
 
 import functools
@@ -42,9 +45,9 @@ from jaxsim.solver import LinearStatus, pcg_solve
 from jaxsim.solver.operator import Rows
 from jaxsim.spatial import Inertia
 
-# Conjugate gradients end when the residual has shrunk by this many units of rounding.
+# Relative residual at which conjugate gradients end, in units of rounding.
 _CG_ROUNDING = 10.0
-# The number of distinct eigenvalues is small; more iterations than this mean a hopeless system.
+# The preconditioned matrix has few distinct eigenvalues, so more iterations would not converge.
 _CG_ITERATIONS = 200
 
 STRATEGIES = ("articulated", "dense", "iterative")
@@ -52,13 +55,13 @@ STRATEGIES = ("articulated", "dense", "iterative")
 
 @struct.dataclass
 class TreePoint:
-    """A point with all that is linear in it and needed more than once.
+    """A point x with linear functions of it that are needed more than once.
 
     Attributes:
-      x: the point, accelerations of the degrees of freedom.
-      a: the accelerations of the links that it causes.
-      p: their momenta, `I a`.
-      rows: `J x`, block by block.
+      x: accelerations of the degrees of freedom.
+      a: accelerations of the links.
+      p: rates of the links' momenta, `I a`.
+      rows: `J x`, one array for each block.
     """
 
     x: Float[Array, "nv"]
@@ -69,18 +72,18 @@ class TreePoint:
 
 @struct.dataclass
 class TreeOperator:
-    """Products with M and J by walks over the tree.
+    """Products with M and J by recursions over the tree.
 
-    Motions of links have the c components of `jaxsim.dynamics.components`.
+    Twists of links have the c components of `jaxsim.dynamics.components`.
 
     Attributes:
       cdof: motion axes.
       inertia: inertias of the links.
-      armature: of the degrees of freedom.
-      jacobians: one per block.
-      tree: the links, joints of a body compounded, static.
-      strategy: how `solve` does it, one of `STRATEGIES`, static.
-      occasional: whether some rows couple, but only those of contacts, static.
+      armature: armature of the degrees of freedom.
+      jacobians: Jacobian of each block.
+      tree: the tree with compound joints, static.
+      strategy: method of `solve`, one of `STRATEGIES`, static.
+      occasional: whether contacts, and no other rows, may couple links, static.
     """
 
     cdof: Float[Array, "nv c"]
@@ -92,7 +95,7 @@ class TreeOperator:
     occasional: bool = struct.field(pytree_node=False)
 
     def lift(self, x: Float[Array, "nv"]) -> TreePoint:
-        """The point with the links' accelerations, momenta and its rows."""
+        """The point x with the links' accelerations and momenta and the rows."""
         rate = sum_by(self.cdof * x[:, None], self.tree.dof_node, len(self.tree))
         return self.lift_known(x, accumulate_outward(self.tree, rate))
 
@@ -102,7 +105,7 @@ class TreeOperator:
         return TreePoint(x, a, momentum, tuple(J.apply(x, a) for J in self.jacobians))
 
     def vector(self, y: TreePoint) -> Float[Array, "nv"]:
-        """The point itself."""
+        """The point x of a lifted point."""
         return y.x
 
     def rows(self, y: TreePoint) -> Rows:
@@ -110,7 +113,7 @@ class TreeOperator:
         return y.rows
 
     def inner(self, y1: TreePoint, y2: TreePoint) -> Float[Array, ""]:
-        """`x1^T M x2`, link by link."""
+        """`x1^T M x2`, as a sum over links."""
         links = jnp.einsum("ij,ij->i", y1.a, y2.p)
         return jnp.sum(links) + jnp.sum(self.armature * y1.x * y2.x)
 
@@ -124,17 +127,17 @@ class TreeOperator:
         return self._on_dofs(forces, jnp.zeros_like(self.armature), nothing)
 
     def _on_dofs(self, forces: Rows, force: Float[Array, "nv"], wrench: Float[Array, "n c"]):
-        """`J^T f` added to forces on the degrees of freedom and wrenches on the links."""
+        """Generalised forces: `J^T f` plus `force` plus those of wrenches on the links."""
         for J, f in zip(self.jacobians, forces, strict=True):
             force, wrench = J.add_force(f, force, wrench)
         return force + tree_force(self.tree, self.cdof, wrench)
 
     def unconstrained(self, r: Float[Array, "nv"]) -> TreePoint:
-        """The lifted `M^-1 r`."""
+        """`M^-1 r`, lifted."""
         return self._solve_with((), r)
 
     def solve(self, curvatures: Rows, r: Float[Array, "nv"]) -> tuple[TreePoint, LinearStatus]:
-        """The lifted `(M + J^T W J)^-1 r`."""
+        """`(M + J^T W J)^-1 r`, lifted, and the status of the linear solve."""
         if self.strategy == "articulated" or not r.size:  # LAPACK has no empty factor
             return self._solve_articulated(curvatures, r)
         solve = self._solve_dense if self.strategy == "dense" else self._solve_iteratively
@@ -145,12 +148,12 @@ class TreeOperator:
         return lax.cond(any_in_batch(pushes), solve, self._solve_articulated, curvatures, r)
 
     def _solve_articulated(self, curvatures: Rows, r) -> tuple[TreePoint, LinearStatus]:
-        """Without the rows that couple, if there are any."""
+        """`solve` without rows that couple."""
         pairs = zip(self.jacobians, curvatures, strict=True)
         return self._solve_with(((J, W) for J, W in pairs if not J.coupled), r), LinearStatus()
 
     def _solve_with(self, pairs: Iterable[tuple[Jacobian, Array]], r) -> TreePoint:
-        """`_uncoupled` solved by articulated bodies."""
+        """Solve with the matrix of `_uncoupled` by the articulated body algorithm."""
         matrix, diagonal = self._uncoupled(pairs)
         return self.lift_known(*articulated_solve(self.tree, self.cdof, matrix, diagonal, r))
 
@@ -168,7 +171,7 @@ class TreeOperator:
         return pcg_solve(self, curvatures, r, precondition, tolerance, _CG_ITERATIONS)
 
     def _hessian(self, curvatures: Rows) -> Float[Array, "nv nv"]:
-        """`M + J^T W J`; the rows that couple are `DenseRows`, see `make_operator`."""
+        """The matrix `M + J^T W J`; rows that couple are `DenseRows`, see `make_operator`."""
         pairs = list(zip(self.jacobians, curvatures, strict=True))
         coupled = [(J, W) for J, W in pairs if isinstance(J, DenseRows)]
         others = [(J, W) for J, W in pairs if not isinstance(J, DenseRows)]
@@ -179,7 +182,7 @@ class TreeOperator:
         return H
 
     def _uncoupled(self, pairs: Iterable[tuple[Jacobian, Array]]):
-        """Link matrices and the diagonal of M with `J^T W J` of these rows, without coupling."""
+        """Link matrices and diagonal of `M + J^T W J` for these rows, without coupling terms."""
         matrix = jax.vmap(lambda inertia: inertia.as_matrix())(self.inertia)
         diagonal = self.armature
         for J, W in pairs:
@@ -190,7 +193,7 @@ class TreeOperator:
 def make_operator(
     model: Model, kin: Kinematics, blocks: list[Block], strategy: str
 ) -> TreeOperator:
-    """The operator of a strategy from `STRATEGIES`."""
+    """The operator of a model with these rows; `strategy` is one of `STRATEGIES`."""
     components, compound = motion_components(model), model.structure.compound
     cdof = take(restrict(components, kin.cdof), compound.dof)
     jacobians = [block.jacobian.restricted(components).renumbered(compound) for block in blocks]
@@ -209,7 +212,7 @@ def make_operator(
 
 
 def _dense_rows(J: Jacobian, D: Array, tree: Forest, cdof: Float[Array, "nv c"]) -> DenseRows:
-    """The rows as a matrix; zeros where none of them, which D tells, can push anywhere."""
+    """The rows as a matrix, or zeros while no row is active (`D = 0`) in the whole batch."""
     shape = jax.eval_shape(lambda cdof: J.dense(tree, cdof), cdof)
     return DenseRows(
         lax.cond(

@@ -1,4 +1,4 @@
-"""Points of bodies: where two bodies are joined, and how such points move."""
+"""Points where equality constraints join two bodies, and their motion."""
 
 import jax
 import jax.numpy as jnp
@@ -16,13 +16,13 @@ _SITE = int(mujoco.mjtObj.mjOBJ_SITE)
 
 @struct.dataclass
 class Ends:
-    """The two ends of each of n joined pairs; every field is a pair, first end first.
+    """Both ends of n equality constraints; every field has two entries, for first and second ends.
 
     Attributes:
-      pos: points in the world (m).
-      omega: angular velocities of the bodies.
+      pos: points in world coordinates (m).
+      omega: angular velocities of the bodies (rad/s).
       body: bodies, static.
-      link: links that carry them, -1 for none, static.
+      link: links that carry the bodies, -1 for none, static.
     """
 
     pos: tuple[Float[Array, "n 3"], Float[Array, "n 3"]]
@@ -57,13 +57,13 @@ def ends(motion: Motion, ids: np.ndarray, anchor1: Array, anchor2: Array) -> End
 
 
 def twist_rows(motion: Motion, e: Ends, side: int, rotation: bool) -> Float[Array, "n d 6"]:
-    """Maps from a link's twist to the velocity of its point, and to its angular velocity."""
+    """Maps from the links' twists to the velocities of the points and, if `rotation`, to omega."""
     arm = e.pos[side] - gather_or_zero(motion.link_origins(), e.link[side])
     return jax.vmap(lambda r: point_map(r, rotation))(arm)
 
 
 def point_map(arm: Float[Array, "3"], rotation: bool) -> Float[Array, "d 6"]:
-    """`[[-arm x, 1]]`, from a twist to the velocity at `arm` from the reference point."""
+    """`[[-arm x, 1]]`: from a twist about a reference point to the velocity at `arm` from it."""
     eye = jnp.eye(3, dtype=arm.dtype)
     # Row i of -[arm x] is arm x e_i.
     linear = jnp.concatenate([jnp.stack([jnp.cross(arm, eye[i]) for i in range(3)]), eye], axis=1)
@@ -73,7 +73,7 @@ def point_map(arm: Float[Array, "3"], rotation: bool) -> Float[Array, "d 6"]:
 
 
 def bias_acceleration(motion: Motion, e: Ends) -> Float[Array, "n 6"]:
-    """`dJ/dt qvel` of the relative motion: linear of the points, then angular."""
+    """`dJ/dt qvel` of the relative motion of both ends, linear part first."""
     total = 0.0
     for side, sign in ((0, 1.0), (1, -1.0)):
         arm = e.pos[side] - gather_or_zero(motion.link_origins(), e.link[side])

@@ -1,4 +1,4 @@
-"""The constrained acceleration: all rows assembled, one convex problem solved."""
+"""The constrained acceleration: assembly of all rows and solution of the convex problem."""
 
 import functools
 
@@ -31,16 +31,16 @@ _WARMSTART_OFF = mujoco.mjtDisableBit.mjDSBL_WARMSTART
 
 @struct.dataclass
 class Constrained:
-    """The outcome of the constraint problem, in MuJoCo's order.
+    """Acceleration and constraint forces, in MuJoCo's order.
 
     Attributes:
       qacc: acceleration.
       qfrc_constraint: generalised force of all constraints.
       contact: the contacts.
       contact_force: (force, torque) of each contact in its frame.
-      blocks: the rows, equalities first, then dry friction, limits and contacts.
-      forces: force of each row, block by block.
-      status: how the solver fared.
+      blocks: the rows: equalities, dry friction, limits and contacts.
+      forces: forces of the rows of each block.
+      status: status of the solver.
     """
 
     qacc: Float[Array, "nv"]
@@ -68,16 +68,17 @@ def constrained_acceleration(
     qfrc_smooth: Float[Array, "nv"],
     qacc_warmstart: Float[Array, "nv"],
 ) -> Constrained:
-    """Minimises `1/2 |a - qacc_smooth|_M^2 + s(J a - aref)`, `M qacc_smooth = qfrc_smooth`.
+    """Minimise `1/2 |a - qacc_smooth|_M^2 + s(J a - aref)`, where `M qacc_smooth = qfrc_smooth`.
 
-    The derivative is that of the exact minimum, whatever found it: see `jaxsim.solver.implicit`.
-    If what goes into the solve or comes out of it is not finite, the acceleration is NaN.
+    The derivative is that of the exact minimum, see `jaxsim.solver.implicit`. If an input or the
+    result of the solve is not finite, the acceleration is NaN.
 
     Args:
       motion: position and velocity.
       contact: the contacts there.
-      qfrc_smooth: all generalised forces but those of constraints, minus the bias.
-      qacc_warmstart: a guess of the acceleration; without warm starts `qacc_smooth` is it.
+      qfrc_smooth: all generalised forces except those of constraints, minus the bias.
+      qacc_warmstart: initial guess of the acceleration; if the model disables warm starts, the
+        guess is `qacc_smooth`.
     """
     model = motion.model
     blocks = constraint_blocks(motion, contact)
@@ -102,7 +103,7 @@ def constrained_acceleration(
 
 
 def _minimiser(model: Model, operator: TreeOperator, force: Float[Array, "nv"]):
-    """A function of a problem and a first guess, which may be None, to the `Solution`."""
+    """A function from a problem and an initial guess (or None) to its `Solution`."""
     minimise = functools.partial(
         solve,
         force=force,
@@ -114,7 +115,7 @@ def _minimiser(model: Model, operator: TreeOperator, force: Float[Array, "nv"]):
     )
 
     def minimised(problem: Problem, guess: Float[Array, "nv"] | None) -> Solution:
-        # `solve` stops derivatives; what comes before it need not take any either.
+        # `solve` has no derivatives, so its inputs need none.
         stopped = lax.stop_gradient((problem, operator))
         return with_compacted_contacts(functools.partial(minimise, x_start=guess), *stopped)
 
@@ -122,12 +123,12 @@ def _minimiser(model: Model, operator: TreeOperator, force: Float[Array, "nv"]):
 
 
 def constrained_at(motion: Motion, contact: Contact, qacc: Float[Array, "nv"]) -> Constrained:
-    """The outcome if the acceleration is known: forces are explicit in it, nothing is solved.
+    """The constraint forces for a known acceleration, which need no solve.
 
     Args:
       motion: position and velocity.
       contact: the contacts there.
-      qacc: the acceleration.
+      qacc: acceleration.
     """
     blocks = constraint_blocks(motion, contact)
     operator = make_operator(motion.model, motion.kin, blocks, "articulated")
@@ -146,7 +147,7 @@ def _outcome(
     forces: Rows,
     status: SolverStatus,
 ) -> Constrained:
-    """A lifted acceleration and the forces of the rows, in MuJoCo's order."""
+    """The result in MuJoCo's order, from a lifted acceleration and the forces of the rows."""
     model, x = motion.model, operator.vector(y)
     return Constrained(
         qacc=from_compound_order(model, x),
@@ -160,22 +161,23 @@ def _outcome(
 
 
 def _with_nan_unless(finite: Bool[Array, ""], found: Constrained) -> Constrained:
-    """The same, or NaN: the solver refuses steps that are not finite and ends where it stands.
+    """The result, with NaN as acceleration and force unless `finite`.
 
-    Derivatives are those of `found`, as what is added has none.
+    The solver itself rejects steps that are not finite and returns its last point. Derivatives are
+    those of `found`.
     """
     nothing = jnp.where(finite, 0, jnp.nan).astype(found.qacc.dtype)
     return found.replace(qacc=found.qacc + nothing, qfrc_constraint=found.qfrc_constraint + nothing)
 
 
 def choose_strategy(model: Model, blocks: list[Block]) -> str:
-    """How the Newton step is solved: as the model says, or by what couples and how much.
+    """The strategy of the Newton step: `Model.hessian`, or for "auto" one that fits the rows.
 
-    Articulated where nothing couples two moving links, else dense for few degrees of freedom and
-    iterative for many.
+    "auto" is articulated if no row couples two moving links, else dense for few degrees of freedom
+    and iterative for many.
 
     Raises:
-      ModelError: the model asks for the articulated solve, but some rows couple moving links.
+      ModelError: `Model.hessian` is "articulated", but some rows couple moving links.
     """
     coupled = [block.type.value for block in blocks if block.jacobian.coupled]
     if model.hessian == "articulated" and coupled:

@@ -60,7 +60,7 @@ def both_ways(cone, condim):
     """The model, and its program with and without a shorter one in it."""
     model = load(cone, condim)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tuning, "MANY_CONTACTS", 1000)
+        patch.setattr(tuning, "COMPACTION_CONTACTS", 1000)
         whole = compiled(model)
     return model, compiled(model), whole
 
@@ -114,6 +114,6 @@ def test_derivatives_are_those_of_the_whole_problem():
 
     got = derivative()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tuning, "MANY_CONTACTS", 1000)
+        patch.setattr(tuning, "COMPACTION_CONTACTS", 1000)
         expected = derivative()
     np.testing.assert_allclose(got, expected, RTOL, 1e-6)

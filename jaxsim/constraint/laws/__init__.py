@@ -1,9 +1,9 @@
-"""Contact laws: what the rows of a contact cost. One file for each law, one line in `LAWS`."""
+"""Contact laws: the costs of contact rows. Each law is one file and one line in `LAWS`."""
 
 from jaxsim.constraint.laws import mujoco
 from jaxsim.constraint.laws.law import ContactLaw, ContactState
 
-# By the name that `jaxsim.load(..., contact=name)` takes.
+# Laws by the names that `jaxsim.load(..., contact=name)` accepts.
 LAWS: dict[str, ContactLaw] = {
     "mujoco": mujoco.contact_cost,
 }

@@ -1,4 +1,4 @@
-"""What a contact law is: a function from the state of one contact to the cost of its rows."""
+"""`ContactLaw`: a function from the state of one contact to the cost of its rows."""
 
 from typing import Protocol
 
@@ -11,21 +11,21 @@ from jaxsim.solver import Kind
 
 @struct.dataclass
 class ContactState:
-    """What a law knows of one contact.
+    """The state and the parameters of one contact.
 
-    In the contact frame a relative motion has a normal, two sliding, one spinning and two rolling
-    components. The first `condim` of them are rows.
+    In the contact frame, the relative motion has a normal, two sliding, one spinning and two
+    rolling components. The first `condim` of them are rows.
 
     Attributes:
-      dist: signed distance between the surfaces, negative in penetration (m).
-      includemargin: the contact is active below this distance (m).
-      velocity: `J qvel`, the motion of geom2 relative to geom1; positive normal velocity separates
-        (m/s, rad/s).
-      inverse_weight: mean inverse inertia of a translation, the sum of both bodies' (1/kg).
+      dist: signed distance between the surfaces, negative for penetration (m).
+      includemargin: distance below which the contact is active (m).
+      velocity: `J qvel`, the motion of geom2 relative to geom1; a positive normal velocity
+        separates them (m/s, rad/s).
+      inverse_weight: sum of both bodies' mean translational inverse inertia (1/kg).
       friction: two tangential, one torsional and two rolling coefficients.
-      solref: reference of the normal direction.
-      solreffriction: reference of the friction directions; zeros mean that `solref` is used.
-      solimp: impedance.
+      solref: `solref` of the normal direction.
+      solreffriction: `solref` of the friction directions; zeros mean that `solref` is used.
+      solimp: `solimp` of all directions.
     """
 
     dist: Float[Array, ""]
@@ -44,20 +44,19 @@ class ContactState:
 
 
 class ContactLaw(Protocol):
-    """A law of contact."""
+    """The interface of contact laws."""
 
     def __call__(self, opt: Option, contact: ContactState) -> Kind:
         """The cost of the rows of one contact.
 
-        It is mapped over the contacts that share a dimension, so the class of the result may depend
-        on `contact.condim` and on static options only. A contact that generates no force has
-        `D = 0`.
+        The law is vmapped over contacts of one dimension, so the class of the result may depend
+        only on `contact.condim` and on static options. A contact without force has `D = 0`.
 
         Args:
-          opt: the model's options, the timestep among them.
+          opt: the model's options, with the timestep.
           contact: the contact.
 
         Returns:
-          The cost, `aref` and `D` of shape (condim,).
+          The cost, with `aref` and `D` of shape (condim,).
         """
         ...

@@ -1,8 +1,8 @@
-"""MuJoCo's soft contact: frictionless, with a pyramidal or with an elliptic cone.
+"""MuJoCo's soft contact: frictionless, or with a pyramidal or an elliptic friction cone.
 
-Every row is a spring and a damper in the space of accelerations, with a regularisation that says
-how hard it is (MuJoCo documentation, chapter "Computation", sections "Constraint model" and
-"Friction cones"); see `jaxsim.constraint.impedance`.
+The reference acceleration of each row is that of a spring and a damper, and its regularisation
+determines how soft the row is (MuJoCo documentation, chapter "Computation", sections "Constraint
+model" and "Friction cones"); see `jaxsim.constraint.impedance`.
 """
 
 import jax.numpy as jnp
@@ -16,20 +16,20 @@ from jaxsim.solver import EllipticCone, PyramidalCone, Unilateral
 
 ELLIPTIC = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
 
-# A row's regularisation beside its inverse inertia, in units of rounding: with less, the Hessian
-# would lose the inertia of the motions that the row leaves free.
+# Lower bound of a row's regularisation relative to its inverse inertia, in units of rounding. Below
+# it, the Hessian would lose the inertia of motions that the row leaves free.
 _UNITS = 30
 
 
 def contact_cost(opt: Option, contact: ContactState) -> EllipticCone | PyramidalCone | Unilateral:
-    """The cost of one contact, active where it is closer than its margin."""
+    """The cost of one contact, which is active if its distance is below its margin."""
     if contact.condim == 1:
         return _frictionless(opt, contact)
     return _elliptic(opt, contact) if opt.cone == ELLIPTIC else _pyramidal(opt, contact)
 
 
 def _frictionless(opt: Option, contact: ContactState) -> Unilateral:
-    """The normal row alone."""
+    """The cost of a normal row without friction."""
     violation = contact.dist - contact.includemargin
     r = response(opt, contact.solref, contact.solimp, violation)
     active = violation < 0
@@ -39,10 +39,10 @@ def _frictionless(opt: Option, contact: ContactState) -> Unilateral:
 
 
 def _pyramidal(opt: Option, contact: ContactState) -> PyramidalCone:
-    """All edges share one regularisation, that of the elliptic cone's friction.
+    """The cost with a pyramidal cone; all edges share one regularisation.
 
-    It goes with the square of friction, so a slippery contact becomes as stiff as the numbers can
-    hold, and no stiffer.
+    The regularisation is proportional to the square of friction. The lower bound keeps contacts
+    with little friction from becoming stiffer than floating-point numbers can represent.
     """
     violation, velocity, friction = _of(contact)
     r = response(opt, contact.solref, contact.solimp, violation)
@@ -57,7 +57,7 @@ def _pyramidal(opt: Option, contact: ContactState) -> PyramidalCone:
 
 
 def _elliptic(opt: Option, contact: ContactState) -> EllipticCone:
-    """Normal and friction rows; friction only damps, with its own reference if it has one."""
+    """The cost with an elliptic cone; friction rows only damp, by `solreffriction` if it is set."""
     violation, velocity, friction = _of(contact)
     normal = response(opt, contact.solref, contact.solimp, violation)
     own = contact.solreffriction
