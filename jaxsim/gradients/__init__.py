@@ -1,0 +1,15 @@
+"""Gradients of noisy, discontinuous and long computations: estimators, windows, reports."""
+
+from jaxsim.gradients.bundles import Estimate, first_order, mixed, zeroth_order
+from jaxsim.gradients.horizon import clip_cotangent, gradient_norms, truncate, usable_horizon
+
+__all__ = [
+    "Estimate",
+    "clip_cotangent",
+    "first_order",
+    "gradient_norms",
+    "mixed",
+    "truncate",
+    "usable_horizon",
+    "zeroth_order",
+]

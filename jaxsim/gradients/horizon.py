@@ -1,0 +1,95 @@
+"""Gradients over many steps: cut them, clip them, and see how they grow.
+
+The gradient of a state a hundred steps ahead is a product of a hundred Jacobians. Through stiff
+contact it grows until it says nothing about a step one can take.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Bool, Float, Int
+
+
+@jax.custom_vjp
+def clip_cotangent(x: Any, limit: float | Float[Array, ""]) -> Any:
+    """The same x; what reverse mode sends back through it has at most this norm.
+
+    A cotangent that is not finite counts as zero. Put it around the state in the body of a loop.
+
+    Args:
+      x: a pytree of arrays.
+      limit: largest norm of all its cotangents together.
+    """
+    return x
+
+
+def _clip_forward(x, limit):
+    return x, limit
+
+
+def _clip_backward(limit, cotangent):
+    norm = tree_norm(cotangent)
+    finite = jnp.isfinite(norm)
+    scale = jnp.where(finite, jnp.minimum(1.0, limit / jnp.where(norm > 0, norm, 1.0)), 0.0)
+    clipped = jax.tree.map(lambda c: jnp.where(finite, scale * c, 0.0).astype(c.dtype), cotangent)
+    return clipped, jnp.zeros_like(jnp.asarray(limit, norm.dtype))
+
+
+clip_cotangent.defvjp(_clip_forward, _clip_backward)
+
+
+def truncate(x: Any, cut: Bool[Array, ""] | bool) -> Any:
+    """The same x, through which no gradient passes where `cut` is true.
+
+    `truncate(state, t % 32 == 0)` in the body of a loop makes windows of 32 steps.
+    """
+    return jax.tree.map(lambda a: jnp.where(cut, lax.stop_gradient(a), a), x)
+
+
+def gradient_norms(
+    step: Callable[[Any, Any], Any],
+    loss: Callable[[Any], Float[Array, ""]],
+    state: Any,
+    inputs: Any,
+) -> Float[Array, "T+1"]:
+    """Norm of the gradient of a final loss with respect to each state on the way there.
+
+    Args:
+      step: from a state and an input to the next state, `jaxsim.step` of a model for instance.
+      loss: of the final state.
+      state: where to start.
+      inputs: of each step, stacked along a leading axis.
+
+    Returns:
+      `|d loss(x_T) / d x_t|` for t = 0 to T: how the gradient grows with the horizon T - t.
+    """
+    final, states = lax.scan(lambda x, u: (step(x, u), x), state, inputs)
+    last = jax.grad(loss)(final)
+
+    def back(cotangent, at):
+        x, u = at
+        _, pull = jax.vjp(lambda x: step(x, u), x)
+        (cotangent,) = pull(cotangent)
+        return cotangent, tree_norm(cotangent)
+
+    _, norms = lax.scan(back, last, (states, inputs), reverse=True)
+    return jnp.concatenate([norms, tree_norm(last)[None]])
+
+
+def usable_horizon(norms: Float[Array, "T+1"], growth: float = 10.0) -> Int[Array, ""]:
+    """Number of steps before the end over which gradients stay below a multiple of the last.
+
+    Args:
+      norms: what `gradient_norms` returns.
+      growth: the multiple.
+    """
+    fine = (norms[::-1] <= growth * norms[-1]) & jnp.isfinite(norms[::-1])
+    return jnp.sum(jnp.cumprod(fine.astype(jnp.int32))) - 1
+
+
+def tree_norm(x: Any) -> Float[Array, ""]:
+    """Euclidean norm of all numbers of a pytree."""
+    return jnp.sqrt(sum((jnp.sum(a * a) for a in jax.tree.leaves(x)), jnp.zeros(())))
