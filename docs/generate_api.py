@@ -17,6 +17,7 @@ PACKAGES = (
     "jaxsim.envs.wrappers",
     "jaxsim.envs.bridges",
     "jaxsim.rl",
+    "jaxsim.gradients",
     "jaxsim.trajopt",
     "jaxsim.viz",
     "jaxsim.spatial",
