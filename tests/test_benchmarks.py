@@ -149,7 +149,7 @@ def test_precision_counts_what_goes_wrong(monkeypatch):
     exact = precision.mujoco_outcome(scenes, steps=2, converged=True)
     found = precision.mujoco_outcome(scenes, steps=2, converged=False)
     found.qpos[1, 2], found.qpos[2], found.qacc[2] = -1.0, np.nan, np.nan
-    counts = precision.compare(scenes, found, exact)
+    counts = precision.compare(scenes, found, exact, steps=2)
     assert (counts["not finite"], counts["through"]) == (1, 1)
     assert counts["worst"] == np.inf
     assert counts["qacc error, median"] < 1

@@ -13,6 +13,9 @@ from jaxsim.constraint.jacobian import row_velocity
 from jaxsim.constraint.laws import LAWS, ContactState
 from jaxsim.dynamics.motion import Motion
 
+# A distance may be wrong by so many units of rounding of positions, which are metres.
+_UNITS = 4
+
 
 def contact_blocks(motion: Motion, contact: Contact) -> list[Block]:
     """One block of rows for each kind of contact, in the order of the slots."""
@@ -53,6 +56,7 @@ def _block(motion: Motion, contact: Contact, kind: ContactKind) -> Block:
     state = ContactState(
         dist=contact.dist,
         includemargin=contact.includemargin,
+        rounding=_rounding(contact.pos),
         velocity=row_velocity(motion, jacobian),
         inverse_weight=(first + second)[:, 0],
         friction=contact.friction,
@@ -63,6 +67,10 @@ def _block(motion: Motion, contact: Contact, kind: ContactKind) -> Block:
     law = LAWS[model.contact]
     cost = jax.vmap(lambda c: law(model.opt, c))(state)
     return Block(cost, jacobian, RowType.CONTACT, weight=state.inverse_weight)
+
+
+def _rounding(pos: Float[Array, "n 3"]) -> Float[Array, "n"]:
+    return _UNITS * jnp.finfo(pos.dtype).eps * (1 + jnp.max(jnp.abs(pos), axis=1))
 
 
 def _jacobian(motion: Motion, contact: Contact, kind: ContactKind, bodies) -> ContactRows:

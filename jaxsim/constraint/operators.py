@@ -19,7 +19,7 @@ import jax
 import jax.numpy as jnp
 from flax import struct
 from jax import lax
-from jax.scipy.linalg import cho_factor, cho_solve
+from jax.scipy.linalg import cho_solve
 from jaxtyping import Array, Float
 
 from jaxsim.arrays.indexing import sum_by, take
@@ -158,7 +158,7 @@ class TreeOperator:
         return self.lift_known(*articulated_solve(self.tree, self.cdof, matrix, diagonal, r))
 
     def _solve_dense(self, curvatures: Rows, r) -> tuple[TreePoint, LinearStatus]:
-        x = cho_solve(cho_factor(self._hessian(curvatures), lower=True), r)
+        x = cho_solve((factor(self._hessian(curvatures)), True), r)
         return self.lift(x), LinearStatus()
 
     def _solve_iteratively(self, curvatures: Rows, r) -> tuple[TreePoint, LinearStatus]:
@@ -209,6 +209,23 @@ def make_operator(
     occasional = coupled == {RowType.CONTACT}
     tree = compound.tree
     return TreeOperator(cdof, inertia, armature, tuple(jacobians), tree, strategy, occasional)
+
+
+def factor(H: Float[Array, "n n"]) -> Float[Array, "n n"]:
+    """The lower Cholesky factor of H, or of H with a diagonal that is larger by rounding.
+
+    Stiff contacts of a light body leave less of its weakest motions than rounding may take off. H
+    is then not positive definite; `2 n eps diag(H)` outweighs what the factorisation rounds (Higham
+    2002, "Accuracy and Stability of Numerical Algorithms", theorem 10.7).
+    """
+    found, diagonal = lax.linalg.cholesky(H, symmetrize_input=False), jnp.diagonal(H)
+    broken = ~jnp.isfinite(found[-1, -1]) & jnp.isfinite(jnp.sum(diagonal))
+
+    def again(found, H):
+        raised = H + jnp.diag(2 * len(H) * jnp.finfo(H.dtype).eps * diagonal)
+        return jnp.where(broken, lax.linalg.cholesky(raised, symmetrize_input=False), found)
+
+    return lax.cond(any_in_batch(broken), again, lambda found, _: found, found, H)
 
 
 def _dense_rows(J: Jacobian, D: Array, tree: Forest, cdof: Float[Array, "nv c"]) -> DenseRows:

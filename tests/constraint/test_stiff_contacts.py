@@ -10,6 +10,9 @@ import pytest
 from oracle import quick_jit
 
 import jaxsim
+from jaxsim.constraint.laws import ContactState
+from jaxsim.constraint.laws.mujoco import contact_cost
+from jaxsim.constraint.operators import factor
 
 SLIPPERY = """
 <mujoco>
@@ -51,6 +54,46 @@ def test_friction_of_every_size(double):
         assert abs(qpos[2] - data.qpos[2]) < 1e-4, friction
         # MuJoCo's solver stops short of the friction of some of these steps.
         assert abs(qpos[0] - data.qpos[0]) < 1e-3, friction
+
+
+@pytest.mark.parametrize(
+    ("friction", "dist", "touches"),
+    [
+        (1e-4, -1e-9, True),
+        (1e-4, 2e-7, True),
+        (1e-4, 0.0, False),
+        (1e-4, 1e-6, False),
+        (1.0, 2e-7, False),
+    ],
+)
+def test_a_stiff_contact_touches_as_far_as_rounding_reaches(friction, dist, touches):
+    """Else it decides which corners of a resting box touch, and the box rolls over the others."""
+    with jax.enable_x64(False):
+        contact = ContactState(
+            dist=jnp.float32(dist),
+            includemargin=jnp.float32(0),
+            rounding=jnp.float32(5e-7),
+            velocity=jnp.zeros(3),
+            inverse_weight=jnp.float32(1),
+            friction=jnp.full(5, friction),
+            solref=jnp.array([0.02, 1]),
+            solreffriction=jnp.zeros(2),
+            solimp=jnp.array([0.9, 0.95, 0.001, 0.5, 2]),
+        )
+        assert (contact_cost(jaxsim.load(SLIPPERY).opt, contact).D > 0) == touches
+
+
+def test_a_hessian_that_rounding_spoils_is_still_factored():
+    """`M + W n n^T`, W twice as large as float32 can hold beside M, in oblique directions n."""
+    normals = np.random.default_rng(0).normal(size=(64, 12))
+    H = np.eye(12) + 2 / np.finfo(np.float32).eps * normals[:, :, None] * normals[:, None]
+    H = jnp.asarray(H, jnp.float32)
+    assert jnp.isnan(jnp.linalg.cholesky(H)).any()
+    factors = quick_jit(jax.vmap(factor))(jnp.concatenate([H, jnp.full((1, 12, 12), jnp.nan)]))
+    assert jnp.isnan(jnp.diagonal(factors[-1])).all()
+    product = factors[:-1] @ jnp.swapaxes(factors[:-1], 1, 2)
+    largest = jnp.abs(H).max((1, 2), keepdims=True)
+    np.testing.assert_allclose(product / largest, H / largest, atol=1e-5)
 
 
 def test_without_friction_in_float64(x64, bundled):

@@ -19,6 +19,7 @@ class ContactState:
     Attributes:
       dist: signed distance between the surfaces, negative for penetration (m).
       includemargin: distance below which the contact is active (m).
+      rounding: bound on the rounding error of `dist` (m).
       velocity: `J qvel`, the motion of geom2 relative to geom1; a positive normal velocity
         separates them (m/s, rad/s).
       inverse_weight: sum of both bodies' mean translational inverse inertia (1/kg).
@@ -30,6 +31,7 @@ class ContactState:
 
     dist: Float[Array, ""]
     includemargin: Float[Array, ""]
+    rounding: Float[Array, ""]
     velocity: Float[Array, "condim"]
     inverse_weight: Float[Array, ""]
     friction: Float[Array, "5"]

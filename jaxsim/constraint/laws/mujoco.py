@@ -7,6 +7,7 @@ model" and "Friction cones"); see `jaxsim.constraint.impedance`.
 
 import jax.numpy as jnp
 import mujoco
+from jaxtyping import Array, Bool, Float
 
 from jaxsim.arrays.constants import MINVAL
 from jaxsim.constraint.impedance import inverse_where, response
@@ -19,6 +20,8 @@ ELLIPTIC = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
 # Lower bound of a row's regularisation relative to its inverse inertia, in units of rounding. Below
 # it, the Hessian would lose the inertia of motions that the row leaves free.
 _UNITS = 30
+# Contacts with less than this many units are no deeper at rest than distances are known.
+_STIFF = 8192
 
 
 def contact_cost(opt: Option, contact: ContactState) -> EllipticCone | PyramidalCone | Unilateral:
@@ -32,9 +35,10 @@ def _frictionless(opt: Option, contact: ContactState) -> Unilateral:
     """The cost of a normal row without friction."""
     violation = contact.dist - contact.includemargin
     r = response(opt, contact.solref, contact.solimp, violation)
-    active = violation < 0
+    R = r.regularisation(contact.inverse_weight)
+    active = _touches(contact, R)
     aref = r.reference(contact.velocity, violation)
-    D = inverse_where(active, r.regularisation(contact.inverse_weight))
+    D = inverse_where(active, R)
     return Unilateral(aref=jnp.where(active, aref, 0.0), D=D[None])
 
 
@@ -46,11 +50,11 @@ def _pyramidal(opt: Option, contact: ContactState) -> PyramidalCone:
     """
     violation, velocity, friction = _of(contact)
     r = response(opt, contact.solref, contact.solimp, violation)
-    active = violation < 0
     mu = friction[0] / jnp.sqrt(jnp.maximum(opt.impratio, MINVAL))
     weight = contact.inverse_weight * (1 + friction[0] * friction[0])
     R = 2 * mu * mu * r.regularisation(weight)
     R = jnp.maximum(R, _UNITS * jnp.finfo(R.dtype).eps * contact.inverse_weight)
+    active = _touches(contact, R)
     aref = jnp.concatenate([r.reference(velocity[:1], violation), r.reference(velocity[1:], 0.0)])
     aref = jnp.where(active, aref, 0.0)
     return PyramidalCone(aref=aref, D=inverse_where(active, R), mu=friction)
@@ -63,11 +67,11 @@ def _elliptic(opt: Option, contact: ContactState) -> EllipticCone:
     own = contact.solreffriction
     has_own = (own != 0).any() & ((own[0] > 0) == (own[1] > 0))
     tangent = response(opt, jnp.where(has_own, own, contact.solref), contact.solimp, violation)
-    active = violation < 0
     aref = jnp.concatenate(
         [normal.reference(velocity[:1], violation), tangent.reference(velocity[1:], 0.0)]
     )
     R0 = normal.regularisation(contact.inverse_weight)
+    active = _touches(contact, R0)
     R1 = R0 / jnp.maximum(opt.impratio, MINVAL)
     # friction[j]^2 R[j] is the same in all directions.
     R = jnp.concatenate([R0[None], R1 * (friction[:1] / friction) ** 2])
@@ -77,6 +81,19 @@ def _elliptic(opt: Option, contact: ContactState) -> EllipticCone:
         mu=friction[0] * jnp.sqrt(R1 / R0),
         friction=friction,
     )
+
+
+def _touches(contact: ContactState, R: Float[Array, ""]) -> Bool[Array, ""]:
+    """Whether the contact is closer than its margin, or a stiff one as close as rounding can tell.
+
+    At rest a stiff contact is less deep than rounding. If that decided which corners of a body
+    touch, the others would fall until the next step. Bodies that are placed at a distance of zero
+    do not touch yet, as in MuJoCo.
+    """
+    violation = contact.dist - contact.includemargin
+    stiff = _STIFF * jnp.finfo(R.dtype).eps * contact.inverse_weight > R
+    reach = jnp.where(stiff, contact.rounding, 0)
+    return (violation < reach) & (violation != 0)
 
 
 def _of(contact: ContactState):
