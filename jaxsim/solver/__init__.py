@@ -1,4 +1,4 @@
-"""Convex constraint solver: cost kinds, Newton's method, implicit derivatives. No robots here."""
+"""Convex constraint solver: costs of rows, Newton's method and implicit derivatives."""
 
 from jaxsim.solver.conjugate_gradients import hessian_product, pcg, pcg_solve
 from jaxsim.solver.disc import Disc

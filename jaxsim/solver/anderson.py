@@ -1,8 +1,8 @@
 """Anderson's acceleration of a fixed-point iteration `u <- G(u)`.
 
-The next point is not G(u) but the combination of the last few, in which their residuals
-`F = G(u) - u` would cancel best if G were affine (Walker, Ni 2011, "Anderson acceleration for
-fixed-point iterations", type II; for an affine G it is GMRES).
+The next point is a combination of the last few values G(u). Its weights minimise the combination of
+the residuals `F = G(u) - u` (Walker, Ni 2011, "Anderson acceleration for fixed-point iterations",
+type II; for an affine G it is equivalent to GMRES).
 """
 
 from typing import NamedTuple
@@ -11,9 +11,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 WINDOW = 4
-# Directions of the window shorter than this, relative to the longest, are not told from rounding.
+# Regularisation of the least-squares problem, in units of rounding.
 _ROUNDING = 30.0
-# A residual that grows by more than this factor empties the window.
+# The window is cleared if the residual grows by more than this factor.
 _GROWTH = 2.0
 
 
@@ -21,11 +21,11 @@ class Memory(NamedTuple):
     """The last points and residuals.
 
     Attributes:
-        steps: Differences of the last points, newest first; zeros for what is not there.
-        changes: Those of their residuals.
+        steps: Differences of the last points, newest first; zeros for missing ones.
+        changes: Differences of their residuals.
         point: The last point.
         residual: Its residual.
-        begun: Whether there is one.
+        begun: Whether there is a last point.
     """
 
     steps: Float[Array, "m n"]
@@ -36,14 +36,14 @@ class Memory(NamedTuple):
 
     @classmethod
     def empty(cls, u: Float[Array, "n"]) -> "Memory":
-        """Nothing yet, for points like u."""
+        """An empty memory for points with the shape of u."""
         none = jnp.zeros((WINDOW, *u.shape), u.dtype)
         return cls(none, none, jnp.zeros_like(u), jnp.zeros_like(u), jnp.zeros((), bool))
 
     def next(
         self, u: Float[Array, "n"], g: Float[Array, "n"]
     ) -> tuple["Memory", Float[Array, "n"]]:
-        """The memory with a point u and `g = G(u)` in it, and the point to go on from."""
+        """Add a point u and `g = G(u)`; return the new memory and the next point."""
         residual = g - u
         fine = self.begun & (_square(residual) <= _GROWTH**2 * _square(self.residual))
         steps, changes = (
@@ -59,7 +59,7 @@ class Memory(NamedTuple):
 
 
 def _least_squares(rows: Float[Array, "m n"], b: Float[Array, "n"]) -> Float[Array, "m"]:
-    """Weights w with `w rows` closest to b; zero for rows of zeros."""
+    """Weights w that minimise `|w rows - b|`; zero for rows of zeros."""
     lengths = jnp.sqrt(jnp.sum(rows * rows, axis=1))
     safe = jnp.where(lengths > 0, lengths, 1.0)
     unit = rows / safe[:, None]

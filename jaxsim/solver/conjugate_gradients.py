@@ -1,7 +1,7 @@
-"""Preconditioned conjugate gradients for Hessians that are never formed.
+"""Preconditioned conjugate gradients, for Hessians that are not formed as matrices.
 
-For large scenes the Hessian `M + J^T W J` is only multiplied by, and a cheaper matrix close to it
-is solved instead (Saad 2003, "Iterative Methods for Sparse Linear Systems", algorithm 9.1).
+Only products with the Hessian `M + J^T W J` and solves with a cheaper approximation of it are used
+(Saad 2003, "Iterative Methods for Sparse Linear Systems", algorithm 9.1).
 """
 
 from collections.abc import Callable
@@ -32,17 +32,17 @@ def pcg(
     tolerance: float | Float[Array, ""],
     iterations: int,
 ) -> tuple[Float[Array, "nv"], LinearStatus]:
-    """Solves `A x = b` for a symmetric positive definite A.
+    """Solve `A x = b` for a symmetric positive definite A.
 
     Args:
         product: `x -> A x`.
         precondition: `r -> P^-1 r` with P symmetric positive definite and close to A.
         b: Right-hand side.
-        tolerance: Stops when `b - A x` has shrunk by this factor in the norm of `P^-1`.
+        tolerance: Bound on the residual `b - A x` relative to b, in the norm of `P^-1`.
         iterations: Largest number of products.
 
     Returns:
-        The solution, linear in b up to the tolerance, and whether it was reached.
+        The solution, which is linear in b up to the tolerance, and the status.
     """
     z = precondition(b)
     start = _State(jnp.zeros_like(b), b, z, b @ z, jnp.zeros((), jnp.int32))
@@ -56,9 +56,9 @@ def pcg(
 
 
 def _advance(product: LinearMap, precondition: LinearMap, state: _State) -> _State:
-    """One iteration; an indefinite or non-finite product ends the loop where it stands.
+    """One iteration; if the product is indefinite or not finite, the point does not change.
 
-    The energy is then NaN, which is neither above the tolerance nor below it.
+    The energy is then NaN, which ends the loop without convergence.
     """
     ap = product(state.direction)
     power = state.direction @ ap
@@ -74,7 +74,7 @@ def _advance(product: LinearMap, precondition: LinearMap, state: _State) -> _Sta
 def hessian_product(
     operator: Operator, curvatures: Rows, x: Float[Array, "nv"]
 ) -> Float[Array, "nv"]:
-    """`(M + J^T W J) x` from the operator's other products."""
+    """`(M + J^T W J) x`, from the operator's products with M and J."""
     y = operator.lift(x)
     return -operator.residual(y, tuple(map(_weigh, curvatures, operator.rows(y))))
 
@@ -94,11 +94,11 @@ def pcg_solve(
     tolerance: float | Float[Array, ""],
     iterations: int,
 ) -> tuple[Lifted, LinearStatus]:
-    """The lifted `(M + J^T W J)^-1 r`: an `Operator.solve` that forms no matrix.
+    """The lifted `(M + J^T W J)^-1 r` without forming a matrix, for use in `Operator.solve`.
 
     Args:
-        operator: Used for its products only, not for its own `solve`.
-        curvatures: W, block by block.
+        operator: The operator, of which only products are used, not `solve`.
+        curvatures: W of each block.
         r: Right-hand side.
         precondition: See `pcg`.
         tolerance: See `pcg`.

@@ -1,7 +1,7 @@
-"""Contacts with friction of known strength: a normal row, and a disc of friction.
+"""Contacts whose friction force has a known bound, an ellipse.
 
 A contact has d rows as in `EllipticCone`: the normal, then d - 1 directions of friction. The normal
-may only push, with cost `1/2 D0 min(r0, 0)^2`. Friction does not depend on it. With the scaled
+row may only push, with cost `1/2 D0 min(r0, 0)^2`. Friction does not depend on it. With the scaled
 length `T = |friction * r[1:]|`, a known normal force n, and `D[j] = k friction[j]^2`, its cost is
 
     1/2 k T^2            where k T < n: the contact sticks
@@ -22,7 +22,7 @@ from jaxsim.solver.unilateral import change_of_square
 
 @struct.dataclass
 class Disc:
-    """Cost of n contacts of one dimension d in {3, 4, 6}.
+    """Cost of n contacts of the same dimension d in {3, 4, 6}.
 
     Attributes:
         aref: Reference acceleration; the residual is `r = J x - aref`. Normal first.
@@ -74,13 +74,13 @@ def _stiffness(D, friction):
 
 
 def _clipped(k, normal, length):
-    """The length up to which friction grows, and whether that is the length: the contact sticks."""
+    """The scaled length clipped to where the contact slides, and whether it sticks."""
     sticks = (k * length < normal) | (k <= 0)
     return jnp.where(sticks, length, normal / jnp.where(k > 0, k, 1.0)), sticks
 
 
 def _pressure(D, friction, normal, r):
-    """`-f / (friction^2 r)` of the friction rows, and parts of it."""
+    """`-f / (friction^2 r)` of the friction rows, whether it sticks, and a divisor for T."""
     length, safe = norm_and_divisor(friction * r[1:])
     k = _stiffness(D, friction)
     sticks = _clipped(k, normal, length)[1]
@@ -115,15 +115,15 @@ def _slopes(D, friction, normal, r, v):
     rate = jnp.sum(friction * r[1:] * scaled)
     # Cauchy-Schwarz makes this difference positive; rounding may not.
     square = jnp.sum(scaled * scaled)
-    bend = jnp.maximum(square - jnp.where(sticks, 0.0, rate / safe) ** 2, 0.0)
+    length_curvature = jnp.maximum(square - jnp.where(sticks, 0.0, rate / safe) ** 2, 0.0)
     push = jnp.where(r[0] < 0, D[0] * v[0], 0.0)
-    return push * r[0] + pressure * rate, push * v[0] + pressure * bend
+    return push * r[0] + pressure * rate, push * v[0] + pressure * length_curvature
 
 
 def _change(D, friction, normal, r, step):
     start, scaled = friction * r[1:], friction * step[1:]
     before, after = norm_and_divisor(start)[0], norm_and_divisor(start + scaled)[0]
-    # The lengths differ by a difference of squares, known exactly, over their sum.
+    # Without cancellation: the difference of the squared lengths over the sum of the lengths.
     total = before + after
     stretch = jnp.sum(scaled * (2 * start + scaled)) / jnp.where(total > 0, total, 1.0)
     k = _stiffness(D, friction)

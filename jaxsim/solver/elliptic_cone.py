@@ -11,9 +11,9 @@ the cost of one contact has three zones (Todorov 2014; MuJoCo documentation, "Co
     bottom   mu^2 r0 + T <= 0    1/2 sum(D r^2)
     middle   otherwise           1/2 D0 / (1 + mu^2) (r0 - T)^2
 
-It is continuously differentiable when `D[j] = D[0] friction[j]^2 / mu^2`, which is how MuJoCo
-chooses the regularisation of the friction rows. MuJoCo writes the zones with `N = mu r0`; dividing
-by mu, as here, gives the same numbers and leaves nothing singular at mu = 0.
+It is continuously differentiable if `D[j] = D[0] friction[j]^2 / mu^2`, which is MuJoCo's choice of
+the regularisation of friction rows. MuJoCo writes the zones with `N = mu r0`. Dividing by mu, as
+here, gives the same zones without a singularity at mu = 0.
 """
 
 import jax
@@ -26,7 +26,7 @@ from jaxsim.arrays.norms import norm_and_divisor
 
 @struct.dataclass
 class EllipticCone:
-    """Cost of n contacts of one dimension d in {3, 4, 6}.
+    """Cost of n contacts of the same dimension d in {3, 4, 6}.
 
     Attributes:
         aref: Reference acceleration; the residual is `r = J x - aref`. Normal first.
@@ -64,7 +64,10 @@ class EllipticCone:
         return jnp.sum(self._map(_change, r, step))
 
     def is_quadratic(self, r: Float[Array, "n d"], end: Float[Array, "n d"]) -> Bool[Array, ""]:
-        """Whether every contact stays in the top or in the bottom zone, which are convex."""
+        """Whether every contact is in the top zone, or in the bottom zone, at both ends.
+
+        These zones are convex, so it stays in them.
+        """
         return jnp.all(self._map(_is_quadratic, r, end))
 
     def slip(self, r: Float[Array, "n d"]) -> Float[Array, "n"]:
@@ -76,7 +79,7 @@ class EllipticCone:
 
 
 def _tangent(friction: Float[Array, "m"], r: Float[Array, "d"]):
-    """Length T and its gradient with respect to r[1:], zero where T is zero."""
+    """Length T, a divisor for it, and its gradient with respect to r[1:], zero where T is zero."""
     scaled = friction * r[1:]
     length, safe = norm_and_divisor(scaled)
     return length, safe, friction * scaled / safe
@@ -113,8 +116,10 @@ def _force(D, mu, friction, r):
 def _curvature(D, mu, friction, r):
     length, safe, gradient = _tangent(friction, r)
     normal = jnp.concatenate([jnp.ones_like(r[:1]), -gradient])
-    bend = (jnp.diag(friction * friction) - jnp.outer(gradient, gradient)) / safe
-    middle = jnp.outer(normal, normal) + (length - r[0]) * jnp.pad(bend, ((1, 0), (1, 0)))
+    length_curvature = (jnp.diag(friction * friction) - jnp.outer(gradient, gradient)) / safe
+    middle = jnp.outer(normal, normal) + (length - r[0]) * jnp.pad(
+        length_curvature, ((1, 0), (1, 0))
+    )
     middle = D[0] / (1 + mu * mu) * middle
     return _select(_zones(mu, r[0], length), jnp.diag(D), middle)
 
@@ -124,11 +129,13 @@ def _slopes(D, mu, friction, r, v):
     scaled = friction * v[1:]
     rate = gradient @ v[1:]
     # Cauchy-Schwarz makes this difference positive; rounding may not.
-    bend = jnp.maximum(jnp.sum(scaled * scaled) - rate * rate, 0.0) / safe
+    length_curvature = jnp.maximum(jnp.sum(scaled * scaled) - rate * rate, 0.0) / safe
     stiffness, gap, speed = D[0] / (1 + mu * mu), r[0] - length, v[0] - rate
     zones = _zones(mu, r[0], length)
     first = _select(zones, jnp.sum(D * r * v), stiffness * gap * speed)
-    second = _select(zones, jnp.sum(D * v * v), stiffness * (speed * speed - gap * bend))
+    second = _select(
+        zones, jnp.sum(D * v * v), stiffness * (speed * speed - gap * length_curvature)
+    )
     return first, second
 
 
@@ -137,7 +144,7 @@ def _change(D, mu, friction, r, step):
     before, after = _tangent(friction, r)[0], _tangent(friction, end)[0]
     (bottom0, middle0), (bottom1, middle1) = _zones(mu, r[0], before), _zones(mu, end[0], after)
     bottom = jnp.sum(D * step * (r + 0.5 * step))
-    # The lengths differ by a difference of squares, known exactly, over their sum.
+    # Without cancellation: the difference of the squared lengths over the sum of the lengths.
     scaled = friction * step[1:]
     total = before + after
     squares = jnp.sum(scaled * (friction * (2 * r[1:] + step[1:])))

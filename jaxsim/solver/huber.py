@@ -1,4 +1,4 @@
-"""Rows of dry friction: a spring whose force saturates."""
+"""Dry friction: a quadratic cost that is linear beyond the largest force."""
 
 import jax.numpy as jnp
 from flax import struct
@@ -51,7 +51,7 @@ class Huber:
         return 0.5 * jnp.sum(self.D * ((before + after) * step + (after - before) * outside))
 
     def is_quadratic(self, r: Float[Array, "*rows"], end: Float[Array, "*rows"]) -> Bool[Array, ""]:
-        """Whether no row changes zone from r to end; the two sides of sliding are two."""
+        """Whether no row changes zone; sliding in either direction and sticking are three zones."""
         return jnp.all(self._zone(r) == self._zone(end))
 
     def _zone(self, r: Float[Array, "*rows"]) -> Array:

@@ -1,12 +1,12 @@
-"""The solution as a differentiable function of the problem.
+"""Implicit derivatives of the solution with respect to the problem.
 
-At the minimum the residual, minus the gradient of the objective, is zero: `r(x, theta) = 0`. By
-the implicit function theorem
+At the minimum the residual, which is minus the gradient of the objective, is zero:
+`r(x, theta) = 0`. By the implicit function theorem
 
     dx = H^-1 (dr/dtheta) dtheta,    H = -dr/dx = M + J^T W J,
 
-whatever loop found x. The derivative is one further linear solve, taken only when somebody
-differentiates, and is exact as far as the loop converged: look at `SolverStatus.residual`.
+whatever method found x. The derivative needs one more linear solve, which is done only if the
+function is differentiated. It is exact if the solve has converged, see `SolverStatus.residual`.
 """
 
 from collections.abc import Sequence
@@ -24,31 +24,30 @@ from jaxsim.solver.operator import Lifted, Operator, Rows
 from jaxsim.solver.problem import Problem
 
 Theta = tuple[Problem, Operator, Float[Array, "nv"]]
-"""What the minimiser depends on: blocks of rows, operator, force."""
+"""The problem's parameters: blocks of rows, operator, force."""
 
 
 def attach(
     x: Float[Array, "nv"], problem: Problem, operator: Operator, force: Float[Array, "nv"]
 ) -> Float[Array, "nv"]:
-    """`attach_lifted` without what the lift adds."""
+    """`attach_lifted`, returning the point x only."""
     return operator.vector(attach_lifted(x, problem, operator, force))
 
 
 def attach_lifted(
     x: Float[Array, "nv"], problem: Problem, operator: Operator, force: Float[Array, "nv"]
 ) -> Lifted:
-    """Returns the minimiser unchanged, lifted, with its derivatives.
+    """Return the minimiser, lifted, as a differentiable function of the problem.
 
-    Forward and reverse mode, `vmap` and `jit` apply, and so do second derivatives away from the
-    boundaries of the cost's zones. Nothing flows back into how x was found, and nothing but x is
-    needed of it: a backward pass that recomputes what it needs does not solve again where x was
-    kept, see `jaxsim.checkpoint`.
+    Forward and reverse mode, `vmap` and `jit` apply, and so do second derivatives except at the
+    boundaries of the cost's zones. The computation of x is not differentiated. A backward pass
+    with rematerialisation that has stored x does not solve again, see `jaxsim.checkpoint`.
 
     Args:
         x: The minimiser.
         problem: The blocks of constraint rows.
         operator: Mass matrix and Jacobian.
-        force: All forces but those of constraints.
+        force: Generalised forces other than constraint forces.
 
     Returns:
         The lifted x as a function of problem, operator and force.
@@ -58,14 +57,14 @@ def attach_lifted(
 
 
 def _attached(y: Lifted, theta: Theta) -> Lifted:
-    """The point, which moves with theta."""
+    """The lifted point y with its derivative with respect to theta."""
     leaves, structure = jax.tree.flatten((y, theta))
     count = len(jax.tree.leaves(y))
 
     @full_precision
     def rule(primals, tangents):
         found, theta = structure.unflatten(primals)
-        # The point is again a function of theta, which makes the rule itself differentiable.
+        # y depends on theta here, too, so that the rule itself can be differentiated.
         y = _attached(found, theta)
         return jax.tree.leaves(y), jax.tree.leaves(_tangent(y, theta, tangents[count:]))
 
@@ -74,7 +73,7 @@ def _attached(y: Lifted, theta: Theta) -> Lifted:
 
 
 def _tangent(y: Lifted, theta: Theta, tangents: Sequence[Array | None]) -> Lifted:
-    """How the minimiser moves with the leaves of theta that have tangents."""
+    """The minimiser's tangent for tangents of some leaves of theta; None for the others."""
     problem, operator, _ = theta
     leaves, structure = jax.tree.flatten(theta)
     moving = [t is not None for t in tangents]
@@ -89,13 +88,13 @@ def _tangent(y: Lifted, theta: Theta, tangents: Sequence[Array | None]) -> Lifte
     x = operator.vector(y)
     _, dr = jax.jvp(lambda *some: _residual(x, where(*some)), moved, given)
     dx = _solve(operator, problem.curvatures(operator.rows(y)), dr)
-    # Lifting depends on theta too.
+    # The lift depends on theta, too.
     lift = lambda x, *some: where(*some)[1].lift(x)  # noqa: E731
     return jax.jvp(lift, [x, *moved], [dx, *given])[1]
 
 
 def _solve(operator: Operator, curvatures: Rows, r: Float[Array, "nv"]) -> Float[Array, "nv"]:
-    """`H^-1 r`. Its derivatives are solves and products, whatever the operator does for a solve."""
+    """`H^-1 r`; its derivatives use solves and products, not the steps of the operator's solve."""
     return lax.custom_linear_solve(
         lambda x: hessian_product(operator, curvatures, x),
         r,

@@ -1,13 +1,13 @@
-"""Levenberg-Marquardt: a least sum of squares over points of any kind.
+"""Levenberg-Marquardt: nonlinear least squares over points of any kind.
 
 The cost is `1/2 |r(x)|^2`. A step dx solves
 
     (J^T J + lambda D) dx = -J^T r,    D the diagonal of J^T J,
 
-which is Gauss-Newton's step for small damping lambda and a short step downhill for a large one.
-Damping follows how much of the promised decrease a step brings (Nielsen 1999, "Damping parameter in
-Marquardt's method"). How the system is solved is the problem's business, which may know its
-structure. The loop is compiled, has a fixed bound and may be batched.
+which is the Gauss-Newton step for small damping lambda and a short descent step for a large one.
+The damping is adapted to the ratio of the actual and the predicted decrease of the cost (Nielsen
+1999, "Damping parameter in Marquardt's method"). The problem supplies the linear solve, so that it
+can use its structure. The loop is compiled, has a fixed bound and may be batched.
 """
 
 from collections.abc import Callable
@@ -20,19 +20,19 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 _FIRST_DAMPING = 1e-3
-_STUCK = 1e8  # damping beyond which no step helps
-_RELATIVE_FLOOR = 1e-8  # of D, for parameters that the residual does not depend on
+_STUCK = 1e8  # damping above which no step reduces the cost
+_RELATIVE_FLOOR = 1e-8  # relative floor of D, for parameters without effect on the residual
 
 Point = Any
 Normal = Any
 
 
 class LeastSquares(NamedTuple):
-    """A problem.
+    """A nonlinear least-squares problem.
 
     Attributes:
-        evaluate: From a point to its cost and what `solve` needs to know about it.
-        solve: From that and a damping to a step, and the decrease of the cost that it promises.
+        evaluate: From a point to its cost and its normal equations, in any form.
+        solve: From normal equations and a damping to a step and the predicted decrease of cost.
         move: From a point and a step to the next point.
     """
 
@@ -43,17 +43,17 @@ class LeastSquares(NamedTuple):
 
 @struct.dataclass
 class Iterate:
-    """Where a minimisation is.
+    """State of a minimisation.
 
     Attributes:
         x: The best point so far.
         cost: Its cost.
-        normal: What `LeastSquares.evaluate` told about it.
+        normal: Its normal equations, from `LeastSquares.evaluate`.
         damping: Lambda of the next step.
         growth: Factor of the damping if the next step fails.
-        count: Evaluations.
-        converged: Whether no step promises more than the tolerance.
-        stuck: Whether no step helps, however short.
+        count: Number of evaluations.
+        converged: Whether the predicted decrease is below the tolerance.
+        stuck: Whether no step reduces the cost, however large the damping.
     """
 
     x: Point
@@ -67,18 +67,18 @@ class Iterate:
 
     @property
     def done(self) -> Bool[Array, ""]:
-        """Whether there is nothing left to try."""
+        """Whether the minimisation has ended."""
         return self.converged | self.stuck
 
 
 def minimise(problem: LeastSquares, x: Point, *, iterations: int, tolerance: float) -> Iterate:
-    """The least cost that is found from a point.
+    """Minimise the cost from an initial point.
 
     Args:
         problem: The problem.
-        x: Where to begin.
+        x: The initial point.
         iterations: Largest number of evaluations.
-        tolerance: Relative decrease of the cost below which a step is not worth its while.
+        tolerance: Predicted relative decrease of the cost at which the loop ends.
     """
     return lax.while_loop(
         lambda now: ~now.done & (now.count < iterations),
@@ -97,7 +97,7 @@ def begin(problem: LeastSquares, x: Point) -> Iterate:
 
 
 def restart(now: Iterate, x: Point) -> Iterate:
-    """The iterate before the first evaluation at another point; the count goes on."""
+    """The iterate before the first evaluation at another point, with the count so far."""
     no, one = jnp.zeros((), bool), jnp.ones_like(now.cost)
     return now.replace(
         x=x,
@@ -110,7 +110,7 @@ def restart(now: Iterate, x: Point) -> Iterate:
 
 
 def advance(problem: LeastSquares, now: Iterate, tolerance: float) -> Iterate:
-    """The iterate after one more evaluation, at the next point that a step leads to."""
+    """The iterate after one more step and evaluation."""
     fresh = jnp.isinf(now.cost)
     step, promised = problem.solve(now.normal, now.damping)
     promised = jnp.where(fresh, 1.0, promised)
@@ -120,13 +120,13 @@ def advance(problem: LeastSquares, now: Iterate, tolerance: float) -> Iterate:
 
 
 def _judge(now: Iterate, trial: Point, promised, cost, normal, tolerance: float) -> Iterate:
-    """The trial is kept if its cost is lower."""
+    """Accept the trial point if its cost is lower, and adapt the damping."""
     better = cost < now.cost  # not if it is NaN
     tiny = jnp.finfo(cost.dtype).tiny
     gain = jnp.clip((now.cost - cost) / jnp.maximum(promised, tiny), 0.0, 2.0)
     shrink = jnp.maximum(1 / 3, 1 - (2 * gain - 1) ** 3)
     damping = now.damping * jnp.where(better, shrink, now.growth)
-    # What a step without damping would promise, if D were J^T J.
+    # Predicted decrease of a step without damping, if D were J^T J.
     whole = promised * (1 + now.damping)
     least = max(tolerance, 8 * float(jnp.finfo(cost.dtype).eps))
     converged = jnp.isfinite(now.cost) & (whole <= least * now.cost)
@@ -146,7 +146,7 @@ def _judge(now: Iterate, trial: Point, promised, cost, normal, tolerance: float)
 def damped_step(
     H: Float[Array, "n n"], g: Float[Array, "n"], damping: Float[Array, ""]
 ) -> tuple[Float[Array, "n"], Float[Array, ""]]:
-    """The step of a dense problem, and the decrease `-(g dx + 1/2 dx H dx)` that it promises.
+    """The step of a dense problem, and its predicted decrease `-(g dx + 1/2 dx H dx)`.
 
     Args:
         H: `J^T J`.
@@ -161,7 +161,7 @@ def damped_step(
 
 
 def damped_diagonal(H: Float[Array, "n n"], damping: Float[Array, ""]) -> Float[Array, "n"]:
-    """`lambda D`; a parameter that changes nothing keeps a little of it."""
+    """`lambda D`, positive also for parameters without effect on the residual."""
     D = jnp.diagonal(H)
     tiny = jnp.finfo(D.dtype).tiny
     return damping * (D + _RELATIVE_FLOOR * jnp.max(D, initial=0.0)) + tiny

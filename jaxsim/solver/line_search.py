@@ -1,9 +1,9 @@
 """Exact line search on the piecewise smooth, convex objective.
 
-Along `x + alpha s` the objective phi is convex, so its slope phi' increases and the minimum is
-its only root: Newton steps on phi' from alpha = 1 until its sign changes, then Newton steps and
-middles of the bracket by turns. These are MuJoCo's points in MuJoCo's order, so that a search that
-few evaluations cut short ends where MuJoCo's does.
+Along `x + alpha s` the objective phi is convex, so its slope phi' increases and the minimum is the
+root of phi'. The search takes Newton steps from alpha = 1 until phi' changes its sign. Then it
+alternates between Newton steps and bisection. It evaluates the same points as MuJoCo in the same
+order, so that with few iterations it ends at the same point.
 """
 
 from collections.abc import Callable
@@ -30,9 +30,9 @@ class Line:
         direction: `J s`.
         descent: Minus the slope of the whole objective at alpha = 0.
         slope: Derivative of the quadratic term at alpha = 0, `s^T (M x - force)`.
-        bend: Its second derivative, `s^T M s`.
-        rounding: What rounding may add to a slope.
-        cost_rounding: What rounding may add to the objective.
+        curvature: Its second derivative, `s^T M s`.
+        rounding: Bound on the rounding error of a slope.
+        cost_rounding: Bound on the rounding error of the objective.
     """
 
     problem: Problem
@@ -40,13 +40,13 @@ class Line:
     direction: Rows
     descent: Float[Array, ""]
     slope: Float[Array, ""]
-    bend: Float[Array, ""]
+    curvature: Float[Array, ""]
     rounding: Float[Array, ""]
     cost_rounding: Float[Array, ""]
 
     def slopes(self, alpha: Float[Array, ""]) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """phi'(alpha) and phi''(alpha)."""
-        first, second = self.slope + alpha * self.bend, self.bend
+        first, second = self.slope + alpha * self.curvature, self.curvature
         for block, r, v in self._blocks():
             d1, d2 = block.slopes(r + alpha * v, v)
             first, second = first + d1, second + d2
@@ -54,22 +54,22 @@ class Line:
 
     def change(self, alpha: Float[Array, ""]) -> Float[Array, ""]:
         """phi(alpha) - phi(0)."""
-        total = alpha * (self.slope + 0.5 * alpha * self.bend)
+        total = alpha * (self.slope + 0.5 * alpha * self.curvature)
         for block, r, v in self._blocks():
             total = total + block.change(r, alpha * v)
         return total
 
     def ends_at_one(self) -> Bool[Array, ""]:
-        """Whether alpha = 1, the minimum of phi's quadratic model, is that of phi.
+        """Whether alpha = 1, the minimum of phi's quadratic model, is the minimum of phi.
 
-        No row changes zone on the way, and the slope there is what rounding may leave: what is
-        still to be gained is rounding beside what was gained. Of an ill-conditioned step, which
-        may not even go down, only the first is true.
+        This is so if no row changes zone up to there and if the slope there is zero up to rounding.
+        The slope is tested, because an inaccurate step of an ill-conditioned Hessian may even
+        increase the objective.
         """
         quadratic = jnp.ones((), bool)
         for block, r, v in self._blocks():
             quadratic = quadratic & block.is_quadratic(r, r + v)
-        first, second = self.slopes(jnp.ones_like(self.bend))
+        first, second = self.slopes(jnp.ones_like(self.curvature))
         eps = jnp.finfo(first.dtype).eps
         left = jnp.sqrt(eps) * self.descent + self.rounding + 8 * eps * second
         return quadratic & (jnp.abs(first) <= left)
@@ -86,7 +86,7 @@ def make_line(
     y: Lifted,
     ys: Lifted,
 ) -> Line:
-    """The objective from y, where minus its gradient is the residual, along ys."""
+    """The objective along `y + alpha ys`; `residual` is minus its gradient at y."""
     rows, direction = operator.rows(y), operator.rows(ys)
     start = problem.residuals(rows)
     x, s = operator.vector(y), operator.vector(ys)
@@ -99,10 +99,10 @@ def make_line(
         size = size + jnp.sum(jnp.abs(pushed * v))
         cost = cost + jnp.sum(jnp.abs(pushed * r))
     size = size + jnp.abs(inertial)
-    bend = operator.inner(ys, ys)
-    # Without a barrier they would be computed again for every number that depends on them.
-    inertial, given, bend, size, cost = lax.optimization_barrier(
-        (inertial, given, bend, size, cost)
+    curvature = operator.inner(ys, ys)
+    # Without a barrier XLA recomputes them for every use.
+    inertial, given, curvature, size, cost = lax.optimization_barrier(
+        (inertial, given, curvature, size, cost)
     )
     eps = jnp.finfo(size.dtype).eps
     return Line(
@@ -111,19 +111,19 @@ def make_line(
         direction=direction,
         descent=residual @ s,
         slope=inertial - given,
-        bend=bend,
+        curvature=curvature,
         rounding=8 * eps * size,
         cost_rounding=eps * cost,
     )
 
 
 class _Search(NamedTuple):
-    alpha: Float[Array, ""]  # the next point to try; once done, the result
+    alpha: Float[Array, ""]  # the next point to evaluate; the result if done
     low: Float[Array, ""]  # the largest known point with a negative slope
     high: Float[Array, ""]  # the smallest known point with a positive slope
-    middle: Float[Array, ""]  # of the bracket before the last Newton step, due after it, or inf
+    middle: Float[Array, ""]  # bisection point to evaluate after the last Newton step, or inf
     done: Bool[Array, ""]
-    count: Int[Array, ""]  # slopes that MuJoCo would have evaluated, that at alpha = 0 included
+    count: Int[Array, ""]  # slopes that MuJoCo would have evaluated, including that at alpha = 0
 
 
 def line_search(
@@ -137,20 +137,20 @@ def line_search(
     Args:
         line: The objective along a descent direction.
         tolerance: Slope below which a point is accepted.
-        iterations: Largest number of slopes. The first is that at alpha = 0, which is known; the
-            second, at alpha = 1, the Newton step, is evaluated in any case.
-        done: True asks for the step 1, without a search. In a batch, environments whose solve has
-            ended go along with the others, and should not keep them waiting.
+        iterations: Largest number of slopes. The first is that at alpha = 0, which is known. The
+            second is that at alpha = 1, the Newton step, which is always evaluated.
+        done: If true, return the step 1 without a search. In a batch, this keeps environments
+            whose solve has ended from prolonging the loop.
 
     Returns:
         The step and its improvement. The step is zero if nothing better than alpha = 0 was found.
     """
-    one, zero = jnp.ones_like(line.bend), jnp.zeros_like(line.bend)
+    one, zero = jnp.ones_like(line.curvature), jnp.zeros_like(line.curvature)
     inf = jnp.full_like(zero, jnp.inf)
     search = _Search(one, zero, inf, inf, jnp.asarray(done), jnp.ones((), int))
     iterations = max(iterations, 2)
     search = _repeat(lambda s: _advance(line, tolerance, s, iterations), search, iterations)
-    # Where the search was cut short, the cheaper of two ends; low improves by convexity.
+    # If iterations ran out, take the better of both ends; low is better than 0 by convexity.
     end = jnp.where(jnp.isfinite(search.high), search.high, search.low)
     end = jnp.where(search.done, search.alpha, end)
     changes = jax.vmap(line.change)(jnp.stack([end, search.low]))
@@ -167,7 +167,7 @@ def _repeat(advance: Callable[[_Search], _Search], search: _Search, iterations: 
 
 
 def _advance(line: Line, tolerance: Float[Array, ""], search: _Search, iterations: int) -> _Search:
-    """Evaluates the slope at the next point and chooses the one after it."""
+    """Evaluate the slope at the next point and choose the one after it."""
     alpha = search.alpha
     first, second = line.slopes(alpha)
     # Near the root of a stiff row the slope is the difference of two terms of size alpha phi''.
@@ -178,14 +178,14 @@ def _advance(line: Line, tolerance: Float[Array, ""], search: _Search, iteration
     due = (search.middle > low) & (search.middle < high)
     proposal = jnp.where((newton > low) & (newton < high), newton, middle)
     proposal = jnp.where(due, search.middle, proposal)
-    # A middle outside the bracket is passed over, but counts.
+    # A bisection point outside the bracket is skipped, but counted as in MuJoCo.
     count = search.count + 1 + (jnp.isfinite(search.middle) & ~due)
-    # A turn in a bracket takes two slopes. It is not begun where only one is left.
-    turn = (low > 0) & jnp.isfinite(high) & ~due
-    short = turn & (count + 2 > iterations)
-    # Nothing lies between the ends of a bracket as narrow as a unit of rounding, and nothing is
-    # to be gained in one along which the slope changes by less than it can be known: a fraction
-    # of `rounding`, which is a bound.
+    # With a bracket, a Newton step and a bisection are evaluated as a pair, which needs two more
+    # slopes: stop if fewer are left.
+    pair = (low > 0) & jnp.isfinite(high) & ~due
+    short = pair & (count + 2 > iterations)
+    # Stop if the bracket has no number between its ends, or if the slope changes across it by less
+    # than its accuracy, a fraction of the bound `rounding`.
     flat = (high - low) * second <= rounding / 8
     narrow = (proposal <= low) | (proposal >= high) | flat
     found = search.done | (jnp.abs(first) <= jnp.maximum(tolerance, rounding)) | narrow
@@ -193,7 +193,7 @@ def _advance(line: Line, tolerance: Float[Array, ""], search: _Search, iteration
         alpha=jnp.where(found, alpha, jnp.where(short, high, proposal)),
         low=jnp.where(search.done, search.low, low),
         high=jnp.where(search.done, search.high, high),
-        middle=jnp.where(turn, middle, jnp.inf),
+        middle=jnp.where(pair, middle, jnp.inf),
         done=found | short,
         count=count,
     )

@@ -1,13 +1,16 @@
 """Newton's method on the primal problem, with an exact line search.
 
-The loop is MuJoCo's: step along `s = H^-1 (-gradient)` with the Hessian `H = M + J^T W J` of the
-current zones, stop when the scaled improvement or the scaled gradient falls below the tolerance.
-It begins at the warm start or at the unconstrained point, whichever costs less, so that a loop cut
-short ends where MuJoCo's does, too.
-Where no row changes zone along the full step, that step ends at the minimum, unless rounding has
-spoilt it, which the slope at its end tells: nothing is searched for, and the solve is over.
-Two things are added. A step that is not finite is refused and ends the loop. And when a step gains
-no more than rounding and the gradient no longer shrinks, the loop ends whatever the tolerance.
+The loop is MuJoCo's. It steps along `s = H^-1 (-gradient)` with the Hessian `H = M + J^T W J` of
+the current zones, and stops when the scaled improvement or the scaled gradient is below the
+tolerance. It starts from the warm start or the unconstrained point, whichever costs less, so that a
+loop with few iterations also ends at the same point as MuJoCo's.
+
+If no row changes zone along the full step, and the slope at its end is zero up to rounding, that
+step ends at the minimum: there is no line search and the solve ends.
+
+Two conditions are not MuJoCo's. A step that is not finite is rejected and ends the loop. And if a
+step gains no more than rounding and the gradient no longer decreases, the loop ends whatever the
+tolerance.
 """
 
 from typing import NamedTuple
@@ -25,17 +28,17 @@ from jaxsim.solver.problem import Problem
 
 @struct.dataclass
 class SolverStatus:
-    """How the solve went. Nothing here is scaled.
+    """Status of a solve, in unscaled numbers.
 
     Attributes:
-        iterations: Steps taken.
-        residual: Norm of the gradient at the solution. Derivatives are exact where it is zero.
+        iterations: Number of steps.
+        residual: Norm of the gradient at the solution. Derivatives are exact if it is zero.
         improvement: Decrease of the cost by the last step; infinite without a step.
         cost: Objective at the solution.
-        finite: False if a step was refused because it was not finite.
-        converged: Whether the loop ended because it was done; False if its iterations ran out or a
-            line search found nothing better where there was something to gain.
-        linear: How the linear solves of the steps went, all together.
+        finite: False if a step was rejected because it was not finite.
+        converged: Whether a stopping condition was met. False if the iterations ran out, or if a
+            line search failed although the slope promised an improvement.
+        linear: Combined status of the linear solves of all steps.
     """
 
     iterations: Int[Array, ""]
@@ -52,8 +55,8 @@ class Solution:
     """The minimiser.
 
     Attributes:
-        x: The point.
-        status: How the solve went.
+        x: The minimiser.
+        status: Status of the solve.
     """
 
     x: Float[Array, "nv"]
@@ -62,7 +65,7 @@ class Solution:
 
 class _Iterate(NamedTuple):
     y: Lifted
-    gradient: Float[Array, ""]  # its norm where the last step began
+    gradient: Float[Array, ""]  # its norm at the start of the last step
     improvement: Float[Array, ""]
     exhausted: Bool[Array, ""]  # whether the last step gained only rounding
     count: Int[Array, ""]
@@ -73,7 +76,7 @@ class _Iterate(NamedTuple):
 
 
 class _Search(NamedTuple):
-    """What stays the same from step to step."""
+    """The arguments of `solve` that are the same for all steps."""
 
     problem: Problem
     operator: Operator
@@ -96,27 +99,27 @@ def solve(
     ls_tolerance: float | Float[Array, ""],
     scale: float | Float[Array, ""],
 ) -> Solution:
-    """Minimises `1/2 x^T M x - force^T x + s(J x - aref)` over x.
+    """Minimise `1/2 x^T M x - force^T x + s(J x - aref)` over x.
 
-    With `x_smooth = M^-1 force` that is `1/2 |x - x_smooth|_M^2 + s(J x - aref)` and a constant.
+    With `x_smooth = M^-1 force` this is `1/2 |x - x_smooth|_M^2 + s(J x - aref)` plus a constant.
 
-    The result carries no derivative; `implicit.attach` gives it one.
+    The result has no derivative; `implicit.attach` adds it.
 
     Args:
         problem: The blocks of constraint rows.
         operator: Mass matrix and Jacobian.
-        force: All forces but those of constraints.
-        x_start: Where to begin, unless the unconstrained point costs less; zeros if it is not
-            finite, the unconstrained point if it is None.
-        iterations: Largest number of Newton steps. With none the result is x_start.
-        ls_iterations: Largest number of slopes of a line search, that at its start included.
+        force: Generalised forces other than constraint forces.
+        x_start: Initial guess, used unless the unconstrained point costs less. It is replaced by
+            zeros if it is not finite, and by the unconstrained point if it is None.
+        iterations: Largest number of Newton steps; if zero, the result is x_start.
+        ls_iterations: Largest number of slopes in a line search, including that at its start.
         tolerance: Bound on the scaled improvement and on the scaled gradient norm.
         ls_tolerance: Line searches stop at a slope of `tolerance * ls_tolerance * |s| / scale`.
-        scale: Makes costs and gradients dimensionless: the inverse of the trace of M, or of
-            `meaninertia * max(1, nv)`, an estimate of it.
+        scale: Factor that makes costs and gradients dimensionless: the inverse of the trace of M,
+            or of its estimate `meaninertia * max(1, nv)`.
 
     Returns:
-        The minimiser and how it was found.
+        The minimiser and the status of the solve.
     """
     numbers = [jnp.asarray(a, force.dtype) for a in (tolerance, ls_tolerance, scale)]
     held = (problem, operator, force, x_start, numbers)
@@ -167,7 +170,7 @@ def _step(search: _Search, state: _Iterate) -> _Iterate:
     residual = lax.optimization_barrier(_residual(search, state.y))
     gradient = _norm(residual)
     over = search.scale * gradient <= search.tolerance
-    # A step that still converges is told from rounding by the gradient, which it shrinks far more.
+    # If the last step gained only rounding, it still converges if it reduced the gradient by half.
     over = over | (state.exhausted & (gradient > 0.5 * state.gradient))
     curvatures = problem.curvatures(operator.rows(state.y))
     ys, linear = operator.solve(curvatures, residual)
@@ -176,13 +179,13 @@ def _step(search: _Search, state: _Iterate) -> _Iterate:
     slope = search.tolerance * search.ls_tolerance * length / search.scale
     ends = line.ends_at_one()
     found = line_search(line, slope, search.ls_iterations, state.done | over | ends)
-    # Without barriers these would be computed again for every number of the points.
+    # Without barriers XLA recomputes these for every entry of the points.
     alpha, improvement = lax.optimization_barrier(found)
     finite = over | (jnp.isfinite(length) & jnp.isfinite(improvement))
     moved = lax.optimization_barrier(finite & (alpha > 0) & ~over)
     y = jax.tree.map(lambda a, b: a + alpha * b, state.y, ys)
     small = (search.scale * improvement < search.tolerance) & (improvement > 0)
-    # Half the slope is what a step promises. Where that is rounding, finding nothing is an end.
+    # A step promises half the slope. If that is rounding, a failed line search is convergence.
     stuck = ~moved & (0.5 * jnp.abs(line.descent) <= line.cost_rounding)
     converged = over | small | stuck | ends
     return _Iterate(

@@ -1,13 +1,14 @@
-"""What the solver asks of the mass matrix M and the constraint Jacobian J.
+"""`Operator`: the interface of the mass matrix M and the constraint Jacobian J.
 
-An operator hides how `M x`, `J x` and `(M + J^T W J)^-1 r` are found: with matrices, with conjugate
-gradients (`pcg.pcg_solve`), or by walks over a tree of bodies.
-The solver handles points only in *lifted* form, a pytree y that is linear in x and carries
-whatever the operator wants to know about x, say `(x, M x, J x)`. Adding lifted points adds the
-points, so a step along a line never multiplies by M or J again.
+An operator computes `M x`, `J x` and `(M + J^T W J)^-1 r` by matrices, by conjugate gradients
+(`conjugate_gradients.pcg_solve`), or by recursions over a tree of bodies.
 
-An operator is itself a pytree, its numbers are leaves: `implicit.attach` differentiates with
-respect to them.
+The solver uses points only in *lifted* form: a pytree y that is linear in x and contains linear
+functions of x that the operator needs again, such as `(x, M x, J x)`. Lifted points are added like
+points, so a step along a line needs no further products with M or J.
+
+An operator is a pytree whose leaves are its numbers, so that `implicit.attach` can differentiate
+with respect to them.
 """
 
 from typing import Any, NamedTuple, Protocol, runtime_checkable
@@ -23,18 +24,19 @@ Lifted = Any
 
 
 class LinearStatus(NamedTuple):
-    """How linear solves went. The defaults are those of a direct solve.
+    """Status of linear solves; the defaults are those of a direct solve.
 
     Attributes:
         iterations: Iterations of conjugate gradients.
-        converged: False if they ran out, or met what is not positive definite or not finite.
+        converged: False if the iterations ran out, or if the matrix was not positive definite or
+            not finite.
     """
 
     iterations: Int[Array, ""] | np.int32 = np.int32(0)
     converged: Bool[Array, ""] | np.bool_ = np.bool_(True)
 
     def then(self, later: "LinearStatus") -> "LinearStatus":
-        """The status of these solves and later ones together."""
+        """The combined status of these solves and of later ones."""
         return LinearStatus(self.iterations + later.iterations, self.converged & later.converged)
 
 
@@ -51,7 +53,7 @@ class Operator(Protocol):
         ...
 
     def rows(self, y: Lifted) -> Rows:
-        """`J x`, block by block, each in the shape of its block's `aref`."""
+        """`J x` of each block, in the shape of the block's `aref`."""
         ...
 
     def inner(self, y1: Lifted, y2: Lifted) -> Float[Array, ""]:
@@ -59,7 +61,7 @@ class Operator(Protocol):
         ...
 
     def residual(self, y: Lifted, forces: Rows) -> Float[Array, "nv"]:
-        """`J^T f - M x`; with the other forces added, minus the gradient of the objective."""
+        """`J^T f - M x`; plus the other forces, it is minus the gradient of the objective."""
         ...
 
     def unconstrained(self, r: Float[Array, "nv"]) -> Lifted:
@@ -67,14 +69,14 @@ class Operator(Protocol):
         ...
 
     def solve(self, curvatures: Rows, r: Float[Array, "nv"]) -> tuple[Lifted, LinearStatus]:
-        """The lifted solution of `(M + J^T W J) s = r`, and how it was found.
+        """The lifted solution of `(M + J^T W J) s = r`, and the status of the solve.
 
-        W is diagonal in blocks whose curvature has the shape of `aref`, block diagonal in those
-        of shape (n, d, d). The result must be linear in r; nobody differentiates it.
+        W is diagonal for blocks whose curvature has the shape of `aref`, and block diagonal for
+        blocks of shape (n, d, d). The result must be linear in r; it is not differentiated.
         """
         ...
 
 
 def weighed(W: Array, J: Float[Array, "*rows k"]) -> Float[Array, "*rows k"]:
-    """`W J` of one block of rows, W diagonal or in blocks as in `Operator.solve`."""
+    """`W J` of one block of rows; W is diagonal or block diagonal, as in `Operator.solve`."""
     return W[..., None] * J if W.ndim < J.ndim else W @ J

@@ -1,22 +1,24 @@
-"""Rigid rows by passes of the same solver: regularisation taken away, Coulomb's law made exact.
+"""Rigid rows, without regularisation and with exact Coulomb friction, by several passes.
 
-A regularised row gives way under load: its force is that of a spring, `f = F(J x - aref)`. Passes
-solve the problem again with references shifted by what the last solution lacked,
+The force of a regularised row is that of a spring, `f = F(J x - aref)`, so the row yields under
+load. Each pass solves the problem again with shifted references
 
     aref + R f - s n,    f the force of the last pass, s = T(J x - aref) its slip,
 
-where n is the normal row and T the scaled length of the friction residual. The first shift is the
-augmented Lagrangian's (Rockafellar 1976): at the fixed point a row that holds does not move, and
-nothing depends on R. The second is De Saxce's, for cones only: without it the friction of a convex
-problem lifts what slides, with it the fixed point obeys Coulomb's law and Signorini's,
+where n is the normal row and T the scaled length of the friction residual. The shift R f is that of
+the augmented Lagrangian (Rockafellar 1976): at the fixed point, a row that holds does not move, and
+the solution does not depend on R. The shift s n, for cones only, is De Saxce's: without it, the
+convex problem makes sliding contacts separate; with it, the fixed point satisfies the laws of
+Coulomb and Signorini,
 
-    K* contains u + T(u) n, perpendicular to f, which K contains,    u = J x - aref
+    K* contains u + T(u) n, K contains f, both are orthogonal,    u = J x - aref,
 
-(Acary, Cadoux 2013, "Applications of an existence result for the Coulomb friction problem").
+with the friction cone K (Acary, Cadoux 2013, "Applications of an existence result for the Coulomb
+friction problem").
 
-Shifts are kept as `z = sqrt(D) (R f - s n)`, in which passes are a contraction for rows without
-slip. Anderson's acceleration serves where it is a slow one. The derivative is that of the fixed
-point: `z = G(z, theta)` gives `(1 - dG/dz) dz = dG/dtheta`, solved by passes on tangents.
+Shifts are stored as `z = sqrt(D) (R f - s n)`. In these variables, passes are a contraction for
+rows without slip, which Anderson's acceleration makes faster. The derivative is that of the fixed
+point: `z = G(z, theta)` gives `(1 - dG/dz) dz = dG/dtheta`, which is solved by passes on tangents.
 """
 
 from collections.abc import Callable, Sequence
@@ -38,12 +40,12 @@ from jaxsim.solver.operator import Lifted, Operator, Rows
 from jaxsim.solver.problem import Kind, Problem
 
 Minimise = Callable[[Problem, Float[Array, "nv"]], Solution]
-"""From a problem and a first guess to the minimiser, `newton.solve` with all else given."""
+"""From a problem and an initial guess to its solution: `newton.solve` with the other arguments."""
 
 Shifts = tuple[Array, ...]
 """`sqrt(D) (R f - s n)` of each rigid block, in the shape of its `aref`."""
 
-# Tangents are known when what is left of their equation is this many units of rounding.
+# Relative residual of the tangents' equation at which their passes end, in units of rounding.
 _TANGENT_ROUNDING = 50.0
 _TANGENT_PASSES = 300
 
@@ -52,12 +54,12 @@ class RigidSolution(NamedTuple):
     """A fixed point of the passes.
 
     Attributes:
-        x: The point.
-        shifts: The shifts there.
-        status: That of the last pass; iterations and linear solves are those of all passes.
+        x: The minimiser of the last pass.
+        shifts: The shifts.
+        status: Status of the last pass, with the iterations and linear solves of all passes.
         passes: Number of passes.
-        residual: How much the forces would change by one more pass, relative to the largest one.
-        converged: Whether that is below the tolerance.
+        residual: Change of the forces by one more pass, relative to the largest force.
+        converged: Whether the residual is below the tolerance.
     """
 
     x: Float[Array, "nv"]
@@ -68,7 +70,7 @@ class RigidSolution(NamedTuple):
     converged: Bool[Array, ""]
 
     def status_after(self, first: SolverStatus) -> SolverStatus:
-        """That of a first solve and of the passes that followed it."""
+        """The combined status of a first solve and of the passes after it."""
         last = self.status
         return last.replace(
             iterations=first.iterations + last.iterations,
@@ -81,19 +83,19 @@ class RigidSolution(NamedTuple):
 def softness(dtype) -> float:
     """Regularisation of rigid rows in units of their inverse inertia.
 
-    It decides how fast passes converge. Too little of it, and the Hessian would lose the inertia of
-    the motions that the rows leave free in rounding.
+    It determines how fast passes converge. If it is too small, the Hessian loses the inertia of
+    motions that the rows leave free to rounding.
     """
     return 2e-2 if jnp.finfo(dtype).bits <= 32 else 2e-4
 
 
 def rigid_tolerance(dtype) -> float:
-    """What passes can do for the forces, relative to the largest one."""
+    """Tolerance of the forces relative to the largest force, for this number type."""
     return 50 * float(jnp.finfo(dtype).eps) / softness(dtype)
 
 
 def shift_of(kind: Kind, force: Array, slip: Float[Array, "n"] | None = None) -> Array:
-    """The shift that belongs to the force and the slip of a block."""
+    """The shift for the forces and the slips (or None) of a block."""
     root, inverse = _roots(kind.D)
     return inverse * force - root * _on_normal(slip, force)
 
@@ -118,19 +120,20 @@ def solve_rigid(
     passes: int,
     tolerance: float,
 ) -> RigidSolution:
-    """Passes until the forces of the rigid rows no longer change.
+    """Repeat passes until the forces of the rigid rows no longer change.
 
-    The result carries no derivative; `attach_rigid` gives it one.
+    The result has no derivative; `attach_rigid` adds it.
 
     Args:
         problem: The blocks of constraint rows.
         operator: Mass matrix and Jacobian.
-        rigid: Which blocks have no regularisation in the end; theirs decides the speed only.
-        minimise: Solves one pass.
-        x: A guess of the solution.
-        shifts: Those of the first pass.
+        rigid: Indices of the blocks that become rigid. Their regularisation affects only how fast
+            passes converge.
+        minimise: Solves the problem of one pass.
+        x: Initial guess of the solution.
+        shifts: Shifts of the first pass.
         passes: Largest number of passes, at least one.
-        tolerance: Bound on the change of the forces relative to the largest one.
+        tolerance: Bound on the change of the forces relative to the largest force.
     """
     problem, operator, x, shifts = lax.stop_gradient((problem, operator, x, shifts))
     flat, unravel = ravel_pytree(shifts)
@@ -168,14 +171,14 @@ def attach_rigid(
     force: Float[Array, "nv"],
     rigid: tuple[int, ...],
 ) -> tuple[Lifted, Rows]:
-    """Returns the solution, lifted, and the forces of all rows with their derivatives.
+    """Return the lifted solution and the forces of all rows with their derivatives.
 
     Args:
         found: The fixed point.
         problem: The blocks of constraint rows.
         operator: Mass matrix and Jacobian.
-        force: All forces but those of constraints.
-        rigid: Which blocks are rigid.
+        force: Generalised forces other than constraint forces.
+        rigid: Indices of the rigid blocks.
     """
     x, shifts = lax.stop_gradient((found.x, found.shifts))
     shifts = _attached(x, shifts, (problem, operator, force), rigid)
@@ -185,7 +188,7 @@ def attach_rigid(
 
 
 def _attached(x: Float[Array, "nv"], shifts: Shifts, theta, rigid: tuple[int, ...]) -> Shifts:
-    """The shifts, which move with theta: problem, operator and force."""
+    """The shifts with their derivatives with respect to theta: problem, operator and force."""
     leaves, structure = jax.tree.flatten((x, shifts, theta))
     count = len(shifts)
 
@@ -226,7 +229,7 @@ def _pass(x: Float[Array, "nv"], shifts: Shifts, theta, rigid: tuple[int, ...]) 
 
 
 def _by_passes(remaining: Callable[[Shifts], Shifts], b: Shifts) -> Shifts:
-    """`t` with `remaining(t) = b`, by `t + b - remaining(t)` as often as it takes."""
+    """The solution t of `remaining(t) = b`, by the fixed-point iteration `t + b - remaining(t)`."""
     flat, unravel = ravel_pytree(b)
     enough = _TANGENT_ROUNDING * jnp.finfo(flat.dtype).eps * jnp.max(jnp.abs(flat), initial=0)
 
@@ -256,7 +259,7 @@ def _after(rows: Rows, problem: Problem, rigid: Sequence[int], shifts: Shifts) -
 
 
 def _residual(rows: Rows, problem: Problem, rigid, shifts: Shifts, after: Shifts):
-    """How much the forces at `J x` differ from those after one more pass, relative."""
+    """Change of the forces at `J x` by one more pass, relative to the largest force."""
     forces, then = (shifted(problem, rigid, z).forces(rows) for z in (shifts, after))
     change = _largest([then[i] - forces[i] for i in rigid])
     size = _largest([forces[i] for i in rigid])
@@ -268,7 +271,7 @@ def _largest(arrays: Sequence[Array]) -> Float[Array, ""]:
 
 
 def _on_normal(slip: Float[Array, "n"] | None, force: Array) -> Array:
-    """The slips in the normal rows of a block."""
+    """The slips in the normal rows of a block, zeros in its other rows."""
     if slip is None:
         return jnp.zeros_like(force)
     return jnp.pad(slip[:, None], ((0, 0), (0, force.shape[1] - 1)))

@@ -1,4 +1,4 @@
-"""The constrained problem apart from its matrices: cost kinds and their parameters.
+"""`Problem`: the costs of all constraint rows, and `Kind`, the interface of costs.
 
 The solver minimises over x
 
@@ -19,7 +19,7 @@ from jaxsim.solver.operator import Rows
 class Kind(Protocol):
     """A convex, continuously differentiable cost of a block of constraint rows.
 
-    Residuals r and directions v have the shape of `aref`. Rows that are padding have `D = 0`.
+    Residuals r and directions v have the shape of `aref`. Inactive rows have `D = 0`.
     """
 
     @property
@@ -44,7 +44,7 @@ class Kind(Protocol):
         ...
 
     def change(self, r: Array, step: Array) -> Float[Array, ""]:
-        """`cost(r + step) - cost(r)`, accurate where the difference of the two is not."""
+        """`cost(r + step) - cost(r)`, computed without cancellation."""
         ...
 
     def is_quadratic(self, r: Array, end: Array) -> Bool[Array, ""]:
@@ -57,7 +57,7 @@ class Problem:
     """The blocks of constraint rows, in the order of the operator's rows.
 
     Attributes:
-        blocks: One `Kind` per block; empty without constraints.
+        blocks: The cost of each block; empty without constraints.
     """
 
     blocks: tuple[Kind, ...]

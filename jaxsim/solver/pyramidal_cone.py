@@ -6,8 +6,8 @@ each direction,
     e = r[0] + mu[j] r[j]   and   e = r[0] - mu[j] r[j],
 
 and each edge may only push, with cost `1/2 D min(e, 0)^2` (MuJoCo documentation, "Computation").
-MuJoCo makes the edges its rows. With the normal and the directions as rows instead, there are d
-and not 2 (d - 1) of them, the same as for an elliptic cone, and forces are forces.
+The edges are the rows in MuJoCo. Here the normal and the directions of friction are the rows, as
+for an elliptic cone: these are d rows, not 2 (d - 1), and their forces are the contact force.
 """
 
 import jax
@@ -20,7 +20,7 @@ from jaxsim.solver.unilateral import change_of_square
 
 @struct.dataclass
 class PyramidalCone:
-    """Cost of n contacts of one dimension d in {3, 4, 6}.
+    """Cost of n contacts of the same dimension d in {3, 4, 6}.
 
     Attributes:
         aref: Reference acceleration; the residual is `r = J x - aref`. Normal first.
@@ -75,12 +75,12 @@ class PyramidalCone:
         return jnp.all((before[0] == after[0]) & (before[1] == after[1]))
 
     def normals(self, r: Float[Array, "n d"]) -> Float[Array, "n d-1"]:
-        """Normal forces of the two edges of each direction, which limit its friction."""
+        """Sum of the normal forces of both edges of each direction, which limits its friction."""
         plus, minus = (-self.D[:, None] * jnp.minimum(e, 0) for e in self._edges(r))
         return plus + minus
 
     def _edges(self, r):
-        """Residuals (n, d - 1) of the edges on either side."""
+        """Residuals (n, d - 1) of the edges e on the positive and the negative side."""
         tangent = self.mu * r[:, 1:]
         return r[:, :1] + tangent, r[:, :1] - tangent
 

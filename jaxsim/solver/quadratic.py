@@ -1,4 +1,4 @@
-"""Rows of an equality constraint: a spring that pulls either way."""
+"""Equality constraints: a quadratic cost."""
 
 import jax.numpy as jnp
 from flax import struct

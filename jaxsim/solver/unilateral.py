@@ -1,4 +1,4 @@
-"""Rows that may only push: joint and tendon limits, frictionless contacts."""
+"""Unilateral constraints, which may only push: limits and frictionless contacts."""
 
 import jax.numpy as jnp
 from flax import struct
