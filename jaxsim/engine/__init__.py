@@ -1,4 +1,4 @@
-"""One environment: forward, step, rollout, inverse, and the host-side check of their results."""
+"""Simulation of one environment: forward, step, rollout, inverse, and `check` on the host."""
 
 from jaxsim.engine.checking import SimulationError, check
 from jaxsim.engine.report import ContactReport, Forward, forward, inverse

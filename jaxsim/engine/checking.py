@@ -1,4 +1,4 @@
-"""`check`: trouble that compiled code reported as data becomes a message, on the host."""
+"""`check`: raise an error on the host for problems that compiled code has reported as data."""
 
 import jax
 import numpy as np
@@ -9,19 +9,21 @@ from jaxsim.model import JaxsimError, State
 
 
 class SimulationError(JaxsimError, RuntimeError):
-    """A simulation went wrong; the message says how and what to do."""
+    """A simulation failed; the message says why and what to do."""
 
 
 def check(result: State | Forward | Status) -> None:
-    """Raise if a result, of one environment or of a batch, shows trouble.
+    """Raise an error if a result, of one environment or of a batch, shows a problem.
+
+    Call it on the host, not inside `jit`.
 
     Args:
-      result: a state, or what `forward` returns, or a status, as `step_with_status` and `rollout`
-        give it; on the host, not inside `jit`.
+      result: a state, a result of `forward`, or a status of `step_with_status` or `rollout`.
 
     Raises:
-      SimulationError: some numbers are not finite, contacts found no slot, or conjugate gradients
-        ran out of iterations. Newton steps that run out are no error: models may ask for one.
+      SimulationError: some numbers are not finite, contacts were lost because there were too few
+        slots, or conjugate gradients ran out of iterations. Newton's method may run out of
+        iterations without an error, because models may ask for as few as one.
       TypeError: the result is of another type.
     """
     if isinstance(result, State):

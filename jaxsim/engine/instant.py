@@ -1,4 +1,4 @@
-"""`Instant`: everything at one instant, accelerations included."""
+"""`Instant`: forces, contacts and accelerations of one state."""
 
 from flax import struct
 from jaxtyping import Array, Float
@@ -15,11 +15,11 @@ class Instant:
 
     Attributes:
       motion: position and velocity.
-      passive: springs, dampers, gravity compensation, drag.
-      actuation: what the actuators do.
-      inertial_force: what each link's motion without `qacc` needs, gravity included; tree order.
-      qfrc_smooth: all generalised forces but those of constraints, minus the bias.
-      constrained: contacts, forces of constraints and the acceleration.
+      passive: forces of springs, dampers, gravity compensation and drag.
+      actuation: state of the actuators.
+      inertial_force: wrench on each link for zero `qacc`, with gravity; tree order.
+      qfrc_smooth: all generalised forces except those of constraints, minus the bias.
+      constrained: contacts, constraint forces and the acceleration.
     """
 
     motion: Motion
@@ -36,5 +36,5 @@ class Instant:
 
     @property
     def force(self) -> Float[Array, "nv"]:
-        """All generalised forces, minus the bias: what `M qacc` is."""
+        """All generalised forces minus the bias, equal to `M qacc`."""
         return self.qfrc_smooth + self.constrained.qfrc_constraint

@@ -1,4 +1,4 @@
-"""What sensors need to know, gathered from an evaluated instant."""
+"""Sensor readings of an `Instant`."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -40,7 +40,7 @@ def read_sensors(
 
 
 def body_wrenches(motion: Motion, state: State, found: Constrained) -> Float[Array, "nbody 6"]:
-    """External (torque, force) on each body about its centre of mass, equalities included."""
+    """External (torque, force) on each body about its centre of mass, with those of equalities."""
     model = motion.model
     eq_force = jnp.zeros((model.neq, 6), state.qpos.dtype)
     for block, force in zip(found.blocks, found.forces, strict=True):
@@ -53,7 +53,7 @@ def body_wrenches(motion: Motion, state: State, found: Constrained) -> Float[Arr
 
 
 def _by_id(found: Constrained, type_: RowType, n: int) -> Float[Array, "n"]:
-    """Row forces of one type, placed at the elements to which they belong."""
+    """(n,) forces of rows of one type at the ids of their elements, zero for other elements."""
     total = jnp.zeros(n, found.qacc.dtype)
     for block, force in zip(found.blocks, found.forces, strict=True):
         if block.type is type_:

@@ -1,4 +1,4 @@
-"""`forward` and `inverse`: everything at one instant, under MuJoCo's names."""
+"""`forward` and `inverse`: all quantities at one instant, with MuJoCo's names."""
 
 import jax.numpy as jnp
 from flax import struct
@@ -21,16 +21,16 @@ from jaxsim.quantities.energy import kinetic_energy, potential_energy
 
 @struct.dataclass
 class ContactReport:
-    """The contact slots of an environment; those with `dist` beyond the margin are not in contact.
+    """The contact slots of an environment; a slot holds a contact with force only if `active`.
 
     Attributes:
-      dist: distance between the surfaces, negative in penetration (m).
+      dist: distance between the surfaces, negative for penetration (m).
       pos: midpoint between the surfaces (m).
       frame: rows are the normal, from geom1 to geom2, and two tangents.
       geom1: first geom.
       geom2: second geom.
-      force: (force, torque) on geom2 in the contact frame, normal first: `mj_contactForce`.
-      active: whether the slot generates constraint rows.
+      force: (force, torque) on geom2 in the contact frame, normal first, as `mj_contactForce`.
+      active: whether the contact is closer than its margin.
     """
 
     dist: Float[Array, "nc"]
@@ -44,9 +44,10 @@ class ContactReport:
 
 @struct.dataclass
 class Forward:
-    """Everything at one instant; names, shapes and order are MuJoCo's.
+    """All quantities at one instant; names, shapes and order are MuJoCo's.
 
-    `cost` is the value of the objective of the constraint problem, `status` how its solve went.
+    `cost` is the objective of the constraint problem at its solution, and `status` is the status of
+    its solve.
     """
 
     xpos: Float[Array, "nbody 3"]
@@ -79,7 +80,7 @@ class Forward:
 
 @full_precision
 def forward(model: Model, state: State, ctrl: Float[Array, "nu"] | None = None) -> Forward:
-    """Everything at this instant, nothing integrated: MuJoCo's `mj_forward`.
+    """All quantities of a state without integrating it, as MuJoCo's `mj_forward`.
 
     Args:
       model: the model.
@@ -124,7 +125,7 @@ def forward(model: Model, state: State, ctrl: Float[Array, "nu"] | None = None) 
         qacc=found.qacc,
         sensordata=read_sensors(now, state, energy),
         energy=energy,
-        # The solver leaves out of `1/2 |qacc - qacc_smooth|_M^2` what does not vary.
+        # The solver's objective lacks the constant part of `1/2 |qacc - qacc_smooth|_M^2`.
         cost=found.status.cost + 0.5 * now.qfrc_smooth @ qacc_smooth,
         contact=_contact_report(found),
         status=Status.of(found),
@@ -133,10 +134,11 @@ def forward(model: Model, state: State, ctrl: Float[Array, "nu"] | None = None) 
 
 @full_precision
 def inverse(model: Model, state: State, qacc: Float[Array, "nv"]) -> Float[Array, "nv"]:
-    """External forces that explain an acceleration, constraints included: `mj_inverse`.
+    """Forces that produce an acceleration, with constraints, as MuJoCo's `mj_inverse`.
 
-    `M qacc + qfrc_bias - qfrc_passive - J^T f(qacc)`: given the acceleration, the constraint
-    forces are explicit. Equals applied plus actuator forces where `qacc` is that of `forward`.
+    They are `M qacc + qfrc_bias - qfrc_passive - J^T f(qacc)`, where the constraint forces f need
+    no solve, as the acceleration is known. For the acceleration of `forward`, they equal the
+    applied and actuator forces.
 
     Args:
       model: the model.

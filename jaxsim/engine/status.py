@@ -1,4 +1,4 @@
-"""`Status`: how the solves of one or of many time steps went."""
+"""`Status`: the status of the constraint solves of one or of several time steps."""
 
 import jax.numpy as jnp
 from flax import struct
@@ -9,18 +9,17 @@ from jaxsim.constraint import Constrained
 
 @struct.dataclass
 class Status:
-    """Trouble as data; `jaxsim.check` turns it into a message.
+    """Status of constraint solves as data; `jaxsim.check` raises an error for problems in it.
 
     Attributes:
-      iterations: Newton steps taken, by all solves together.
-      converged: False if a solve ran out of iterations; a model may ask for as few as one.
-      cg_iterations: iterations of conjugate gradients within the Newton steps, all together; zero
-        for solves that need none.
+      iterations: total number of Newton steps.
+      converged: False if a solve ran out of iterations; models may ask for as few as one.
+      cg_iterations: total number of iterations of conjugate gradients; zero if they are not used.
       cg_converged: False if conjugate gradients ran out of iterations.
-      residual: norm of the objective's gradient at the solution, the largest; derivatives are wrong
-        where it is not small.
-      finite: False if numbers are not finite.
-      contact_overflow: contacts that found no slot, the most at one time.
+      residual: largest norm of the objective's gradient at a solution; derivatives are accurate
+        only if it is small.
+      finite: False if some numbers are not finite.
+      contact_overflow: largest number of contacts at one time that were lost for lack of slots.
     """
 
     iterations: Int[Array, ""]
@@ -47,12 +46,12 @@ class Status:
 
     @classmethod
     def empty(cls, dtype) -> "Status":
-        """The status before the first solve, with residuals of a type."""
+        """The status before the first solve; `dtype` is the type of the residual."""
         zero, yes = jnp.zeros((), jnp.int32), jnp.ones((), bool)
         return cls(zero, yes, zero, yes, jnp.zeros((), dtype), yes, zero)
 
     def then(self, later: "Status") -> "Status":
-        """The status of these solves and later ones together."""
+        """The combined status of these solves and of later ones."""
         return Status(
             iterations=self.iterations + later.iterations,
             converged=self.converged & later.converged,

@@ -40,7 +40,7 @@ def step(model: Model, state: State, ctrl: Float[Array, "nu"] | None = None) -> 
       ctrl: controls; None means zeros.
 
     Returns:
-      The next state. It is NaN where something in the step was not finite.
+      The next state. Its numbers are NaN if the step was not finite.
 
     Raises:
       TypeError: an argument, or the numbers in an array, are of the wrong type.
@@ -52,10 +52,10 @@ def step(model: Model, state: State, ctrl: Float[Array, "nu"] | None = None) -> 
 def step_with_status(
     model: Model, state: State, ctrl: Float[Array, "nu"] | None = None
 ) -> tuple[State, Status]:
-    """`step`, and how its solves went: iterations, convergence, lost contacts, finite numbers.
+    """`step`, and the status of its solves: iterations, convergence, lost contacts, finite numbers.
 
-    Statuses of several steps are combined with `Status.then`. What of a status nobody uses is not
-    computed under `jax.jit`.
+    Combine the statuses of several steps with `Status.then`. Under `jax.jit`, parts of a status
+    that are not used cost nothing.
 
     Args:
       model: the model.
@@ -72,14 +72,14 @@ def step_with_status(
 
 @full_precision
 def whole_step(model: Model, state: State, ctrl: Float[Array, "nu"] | None = None) -> Step:
-    """`step` with its status, and where forces were evaluated last."""
+    """`step` as a `Step`: with its status and the state at which forces were evaluated last."""
     model, state, ctrl = admit(model, state, ctrl)
     integrate = INTEGRATORS[model.opt.integrator]
     found = integrate(model, state, lambda state: evaluate(model, state, ctrl))
     after = found.after
     numbers = jnp.concatenate([after.qpos, after.qvel, after.act])
     return found.replace(
-        # The warm start changes how fast the solution is found, not the solution.
+        # The warm start affects how fast the solution is found, not the solution.
         after=after.replace(qacc_warmstart=lax.stop_gradient(found.qacc)),
         status=found.status.replace(finite=found.status.finite & jnp.isfinite(numbers).all()),
     )
@@ -91,7 +91,7 @@ def evaluate(model: Model, state: State, ctrl: Float[Array, "nu"] | None) -> Ins
     kin, vel = motion.kin, motion.vel
     inertial = link_forces(model, kin, vel, link_accelerations(model, kin, vel))
     passive, actuators = forces(motion, state, ctrl)
-    # One sum over the tree serves both what is applied to the bodies and what they need.
+    # One sum over the tree for both the applied and the inertial wrenches.
     on_links = generalized_force(model, kin, applied_wrench(motion, state) - inertial)
     total = passive.qfrc_passive + actuators.qfrc_actuator + state.qfrc_applied + on_links
     found = constrained_acceleration(motion, contacts(motion), total, state.qacc_warmstart)
@@ -101,7 +101,7 @@ def evaluate(model: Model, state: State, ctrl: Float[Array, "nu"] | None) -> Ins
 def forces(
     motion: Motion, state: State, ctrl: Float[Array, "nu"] | None
 ) -> tuple[PassiveForces, Actuation]:
-    """Passive forces, and what the actuators do."""
+    """Passive forces and the state of the actuators."""
     model, kin = motion.model, motion.kin
     passive = passive_forces(model, kin, motion.vel, state.qpos, state.qvel)
     actuators = actuation(
@@ -111,7 +111,7 @@ def forces(
 
 
 def applied_wrench(motion: Motion, state: State) -> Float[Array, "njnt 6"]:
-    """What the user applies to the bodies, as wrenches on the links."""
+    """Wrenches on the links by `xfrc_applied`."""
     wrench = jnp.concatenate([state.xfrc_applied[:, 3:], state.xfrc_applied[:, :3]], axis=1)
     return wrench_on_links(motion.model, motion.kin, wrench, motion.kin.xipos)
 
@@ -130,13 +130,13 @@ def rollout(
 
     Args:
       model: the model.
-      state: where to start.
-      ctrls: controls of each step.
-      status: whether to tell how the solves went.
+      state: initial state.
+      ctrls: (T, nu) controls of each step.
+      status: whether to return the status of the solves, too.
 
     Returns:
-      The final state, and the states after each step stacked along a leading axis; with `status`,
-      also that of all steps together.
+      The final state, and the states after each step, stacked along a leading axis. With `status`,
+      also the combined status of all steps.
 
     Raises:
       TypeError: an argument, or the numbers in an array, are of the wrong type.
@@ -144,7 +144,7 @@ def rollout(
     """
     model, state, _ = admit(model, state)
     ctrls = admit_array(model, ctrls, (None, model.nu), "ctrls")
-    # The model is closed over: what is known about it while tracing stays known.
+    # Close over the model: as an argument of a jitted function, its facts would be unknown.
     advance = checkpoint(lambda state, ctrl: step_with_status(model, state, ctrl))
     final, states, total = scan_steps(advance, lambda state: state, status, state, ctrls)
     return (final, states, total) if status else (final, states)
@@ -157,7 +157,7 @@ def scan_steps(
     state: State,
     ctrls: Float[Array, "T nu"],
 ) -> tuple[State, Any, Any]:
-    """The final state, what is observed after each step, and the status of all, if asked for."""
+    """The final state, the observation after each step, and the combined status if `status`."""
 
     def body(carry, ctrl):
         state, total = carry

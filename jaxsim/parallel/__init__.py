@@ -1,4 +1,4 @@
-"""Many environments at once: all devices, chunks that stay in cache, the batch last."""
+"""Simulation of many environments: on all devices, in chunks that fit in the cache."""
 
 from jaxsim.parallel.cpu import configure_cpu
 from jaxsim.parallel.rollout import batch_rollout

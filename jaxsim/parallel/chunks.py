@@ -1,4 +1,4 @@
-"""How a batch is divided: chunks whose working set stays in a CPU's cache, one thread for each."""
+"""Division of a batch into chunks whose working set fits in a CPU's cache."""
 
 import dataclasses
 from collections.abc import Callable
@@ -15,11 +15,11 @@ from jaxsim.parallel.cpu import keeps_loops
 
 @dataclasses.dataclass(frozen=True)
 class Limits:
-    """How many lanes a chunk should have.
+    """Limits on the number of lanes of a chunk.
 
-    Its working set should stay in cache: so many links, of which a contact counts as two, in all
-    lanes together, within limits below which the vectors are too short and above which nothing is
-    gained.
+    The working set of a chunk, measured as links times lanes, should fit in the cache; a contact
+    counts as two links. Fewer lanes than the minimum make vectors too short, and more than the
+    maximum gain nothing.
     """
 
     cached_links: int
@@ -27,18 +27,18 @@ class Limits:
     max_lanes: int
 
 
-# A loop over few lanes that XLA unrolls does not become vectors; one that it keeps does, and then
-# a chunk can be as small as the first-level cache wants it.
+# XLA unrolls loops over few lanes, which are then not vectorised. If it is told not to, chunks can
+# be small enough for the first-level cache.
 UNROLLED, KEPT = Limits(*tuning.CHUNK_UNROLLED), Limits(*tuning.CHUNK_KEPT)
 
 
 def lane_limits() -> Limits:
-    """What holds for this process; see `configure_cpu`."""
+    """The limits for this process; see `configure_cpu`."""
     return KEPT if keeps_loops() else UNROLLED
 
 
 def chunk_lanes(model: Model) -> int:
-    """How many environments of a model a CPU should step together."""
+    """Number of environments of a model in a chunk on a CPU."""
     limits = lane_limits()
     contacts = model_candidates(model).ncon
     vectors = limits.cached_links // max(model.njnt + 2 * contacts, 1) // tuning.VECTOR
@@ -47,22 +47,22 @@ def chunk_lanes(model: Model) -> int:
 
 
 def even_lanes(model: Model, count: int) -> int:
-    """How many of `count` environments to step together: all, or on a CPU an even part of them."""
+    """Number of lanes for `count` environments: all, or on a CPU chunks of equal size."""
     limit = chunk_lanes(model)
     if jax.default_backend() != "cpu" or count <= limit:
         return count
-    # Short vectors cost more than a cache that is too small.
+    # Vectors that are too short cost more than cache misses.
     parts = [n for n in range(lane_limits().min_lanes, limit + 1) if count % n == 0]
     return max(parts, key=lambda n: (n % tuning.VECTOR == 0, n), default=count)
 
 
 def map_chunks(f: Callable, lanes: int, *trees: Any) -> Any:
-    """`f` of `lanes` environments after the other; `lanes` divides their number.
+    """Apply f to chunks of `lanes` environments, one after the other.
 
     Args:
-      f: from trees with `lanes` environments in front to such trees.
-      lanes: environments of a chunk.
-      *trees: arguments of f, with all environments in front.
+      f: function of pytrees with a leading axis of `lanes` environments, to such a pytree.
+      lanes: number of environments in a chunk; it must divide their total number.
+      *trees: arguments of f, with a leading axis of all environments.
     """
     count = jax.tree.leaves(trees)[0].shape[0]
     if count == lanes:

@@ -15,12 +15,12 @@ _TENDON = int(mujoco.mjtTrn.mjTRN_TENDON)
 
 
 def accelerometer(r: Readings, g: Group) -> Float[Array, "n 3"]:
-    """Linear acceleration of a site relative to free fall, in its own frame (m/s^2)."""
+    """Linear acceleration of a site minus gravity, in its own frame (m/s^2)."""
     return into_frame(r.frame(_SITE, g.obj)[1], r.acceleration(_SITE, g.obj)[:, 3:])
 
 
 def framelinacc(r: Readings, g: Group) -> Float[Array, "n 3"]:
-    """Linear acceleration of an object relative to free fall, world axes (m/s^2)."""
+    """Linear acceleration of an object minus gravity, world axes (m/s^2)."""
     return r.acceleration(g.objtype, g.obj)[:, 3:]
 
 
@@ -30,13 +30,13 @@ def frameangacc(r: Readings, g: Group) -> Float[Array, "n 3"]:
 
 
 def force(r: Readings, g: Group) -> Float[Array, "n 3"]:
-    """Force of the parent on a site's body, in the site's frame (N)."""
+    """Force of the parent body on a site's body, in the site's frame (N)."""
     body = r.model.site_bodyid[g.obj]
     return into_frame(r.frame(_SITE, g.obj)[1], take(r.cfrc_int, body)[:, 3:])
 
 
 def torque(r: Readings, g: Group) -> Float[Array, "n 3"]:
-    """Torque of the parent on a site's body about the site, in the site's frame (N m)."""
+    """Torque of the parent body on a site's body about the site, in the site's frame (N m)."""
     body = r.model.site_bodyid[g.obj]
     pos, mat = r.frame(_SITE, g.obj)
     arm = take(r.motion.kin.subtree_com, r.model.body_rootid[body]) - pos

@@ -1,4 +1,4 @@
-"""Groups of sensors that one function can read at once. Everything here is static."""
+"""Groups of sensors that are read by one function call. Everything here is static."""
 
 import dataclasses
 
@@ -14,13 +14,14 @@ _CAMERA = int(mujoco.mjtObj.mjOBJ_CAMERA)
 
 @dataclasses.dataclass(frozen=True)
 class Group:
-    """Sensors of one type on objects of one kind.
+    """Sensors of one type on objects of one type.
 
     Attributes:
       kind: name of the sensors' type, `mujoco.mjtSensor` without its prefix.
       objtype: `mujoco.mjtObj` of the objects.
-      reftype: `mujoco.mjtObj` of the reference objects, -1 without reference.
-      variant: type of the joint, shape of the site, or bits of the data, where these matter.
+      reftype: `mujoco.mjtObj` of the reference objects; -1 for none.
+      variant: type of the joint, shape of the site, or bits of the sensor's data, if the function
+        depends on it; else -1.
       sensors: (n,) ids of the sensors.
       obj: (n,) ids of their objects.
       ref: (n,) ids of their reference objects.

@@ -1,4 +1,4 @@
-"""Limits as sensors see them: which end is active, and how far it is violated."""
+"""Distances from active limits of joints and tendons, and their rates, for sensors."""
 
 import jax
 import jax.numpy as jnp
@@ -17,7 +17,7 @@ _CONSTRAINT_OFF = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
 
 
 def joint_limit(r: Readings, g: Group) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
-    """Distances from active joint limits less the margin, and their rates; zero if inactive."""
+    """Distances from active joint limits minus the margin, and their rates; zero if inactive."""
     model = r.model
     if _off(model):
         return jnp.zeros(len(g)), jnp.zeros(len(g))
@@ -31,7 +31,7 @@ def joint_limit(r: Readings, g: Group) -> tuple[Float[Array, "n"], Float[Array, 
 
 
 def tendon_limit(r: Readings, g: Group) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
-    """Distances from active tendon limits less the margin, and their rates; zero if inactive."""
+    """Distances from active tendon limits minus the margin, and their rates; zero if inactive."""
     model = r.model
     if _off(model):
         return jnp.zeros(len(g)), jnp.zeros(len(g))
@@ -46,14 +46,14 @@ def _off(model: Model) -> bool:
 
 
 def _limited(limited, result):
-    """Zero for what has no limit at all."""
+    """Distances and rates, zero for joints or tendons without limits."""
     limited = jnp.asarray(limited, bool)
     pos, vel = result
     return jnp.where(limited, pos, 0), jnp.where(limited, vel, 0)
 
 
 def _nearer_end(lower, upper, rate, margin):
-    """Distance from the end that is active; from the lower one if both are."""
+    """Distance from the active end minus the margin, and its rate; the lower end if both are."""
     at_low, at_high = lower < margin, upper < margin
     pos, vel = jnp.where(at_high, upper - margin, 0), jnp.where(at_high, -rate, 0)
     return jnp.where(at_low, lower - margin, pos), jnp.where(at_low, rate, vel)

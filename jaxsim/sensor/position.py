@@ -39,12 +39,12 @@ def actuatorpos(r: Readings, g: Group) -> Float[Array, "n 1"]:
 
 
 def jointlimitpos(r: Readings, g: Group) -> Float[Array, "n 1"]:
-    """Distance from a joint's limit less the margin, zero while the limit is inactive."""
+    """Distance from a joint's limit minus the margin; zero while the limit is inactive."""
     return joint_limit(r, g)[0][:, None]
 
 
 def tendonlimitpos(r: Readings, g: Group) -> Float[Array, "n 1"]:
-    """Distance from a tendon's limit less the margin, zero while the limit is inactive."""
+    """Distance from a tendon's limit minus the margin; zero while the limit is inactive."""
     return tendon_limit(r, g)[0][:, None]
 
 
@@ -80,7 +80,7 @@ def subtreecom(r: Readings, g: Group) -> Float[Array, "n 3"]:
 
 
 def magnetometer(r: Readings, g: Group) -> Float[Array, "n 3"]:
-    """The global magnetic flux in a site's frame."""
+    """The global magnetic field `model.opt.magnetic` in a site's frame."""
     field = jnp.broadcast_to(r.model.opt.magnetic[None], (len(g), 3))
     return into_frame(r.frame(_SITE, g.obj)[1], field)
 

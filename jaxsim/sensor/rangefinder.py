@@ -1,4 +1,4 @@
-"""The range finder: what the ray along a site's z axis meets first."""
+"""The range finder: distance along a site's z axis to the first geom."""
 
 import jax
 import jax.numpy as jnp
@@ -15,9 +15,9 @@ _Data = mujoco.mjtRayDataField
 
 
 def rangefinder(r: Readings, g: Group) -> Float[Array, "n dim"]:
-    """Distance (m), -1 for a miss, and what else the sensors' `data` asks for.
+    """Distance (m), -1 if no geom is hit, and the other quantities in the sensors' `data`.
 
-    Geoms of the site's own body, and transparent ones, are not seen.
+    Geoms of the site's own body and transparent geoms are ignored.
     """
     origin, mat = r.frame(_SITE, g.obj)
     direction = mat[:, :, 2]
@@ -37,7 +37,7 @@ def rangefinder(r: Readings, g: Group) -> Float[Array, "n dim"]:
 
 
 def _hits(r: Readings, bodies: np.ndarray, origin, direction) -> RayHit:
-    """What rays that do not see some body each meet."""
+    """The first geom on each ray; ray i ignores the geoms of `bodies[i]`."""
     seen = np.stack([visible_geoms(r.model, bodyexclude=int(body)) for body in bodies])
     (geoms,) = seen.any(axis=0).nonzero()
     kin = r.motion.kin

@@ -1,4 +1,4 @@
-"""Quantities that several sensors share, computed when the first of them asks."""
+"""Quantities that several sensors share, computed when they are first used."""
 
 import functools
 from typing import Any
@@ -29,11 +29,11 @@ _FRAMES = {
 
 
 class Readings:
-    """Signals, and what follows from them. Lives for one evaluation."""
+    """Signals and quantities derived from them, for one evaluation of the sensors."""
 
     def __init__(self, signals: Signals):
         self.motion, self.model = signals.motion, signals.motion.model
-        # Untyped: which optional fields are there was checked against the sensors before.
+        # Untyped: `sensordata` has checked that the optional fields that are needed exist.
         self.signals: Any = signals
 
     @functools.cached_property
@@ -89,10 +89,10 @@ class Readings:
         return jax.vmap(twist_at)(take(self.cvel, body), self._arm(objtype, ids, body))
 
     def acceleration(self, objtype: int, ids: np.ndarray) -> Float[Array, "n 6"]:
-        """Angular and linear acceleration of objects relative to free fall, world axes.
+        """Angular and linear acceleration of objects minus gravity, world axes.
 
-        Zero for objects that no joint moves, as in MuJoCo: a sensor bolted to the world does not
-        feel gravity.
+        As in MuJoCo, it is zero for objects that no joint moves: a sensor fixed to the world does
+        not measure gravity.
         """
         body = self.body(objtype, ids)
         each = jax.vmap(acceleration_at)(
@@ -101,7 +101,7 @@ class Readings:
         return jnp.where(self.model.body_link[body][:, None] >= 0, each, 0)
 
     def _arm(self, objtype: int, ids: np.ndarray, body: np.ndarray) -> Float[Array, "n 3"]:
-        """Objects as seen from `tree_com` of their bodies."""
+        """Positions of objects relative to `tree_com` of their bodies."""
         com = take(self.motion.kin.subtree_com, self.model.body_rootid[body])
         return self.frame(objtype, ids)[0] - com
 

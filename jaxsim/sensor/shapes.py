@@ -1,7 +1,4 @@
-"""Shapes of sites as volumes: which points are inside, and which rays hit.
-
-The yes-or-no answers have no derivative.
-"""
+"""Volumes of sites: tests whether points are inside, and whether rays hit them."""
 
 import jax.numpy as jnp
 import mujoco
@@ -39,12 +36,12 @@ def inside(shape: int, size: Float[Array, "3"], p: Float[Array, "3"]) -> Bool[Ar
 def ray_hits(
     shape: int, size: Float[Array, "3"], p: Float[Array, "3"], d: Float[Array, "3"]
 ) -> Bool[Array, ""]:
-    """Whether the half line `p + t d`, `t >= 0`, meets the volume of a shape.
+    """Whether the ray `p + t d`, `t >= 0`, hits the volume of a shape.
 
     Args:
       shape: a primitive of `mujoco.mjtGeom`, static.
       size: its size as MuJoCo stores it (m).
       p: start of the ray in the shape's frame.
-      d: its unit direction.
+      d: unit direction of the ray.
     """
     return meets(INTERVALS[shape](size, p, d))

@@ -1,4 +1,4 @@
-"""`Signals`: everything that sensors read, filled in by whoever computed it."""
+"""`Signals`: the quantities that sensors read."""
 
 from flax import struct
 from jaxtyping import Array, Float
@@ -9,9 +9,9 @@ from jaxsim.forces.external import ContactGeometry
 
 @struct.dataclass
 class Signals:
-    """What sensors read, in MuJoCo's order and units.
+    """The quantities that sensors read, in MuJoCo's order and units.
 
-    The first is always needed; `needs(model)` names which of the others are.
+    `motion` is always needed; `needs(model)` names the other fields that a model's sensors read.
 
     Attributes:
       motion: position and velocity.
@@ -25,13 +25,13 @@ class Signals:
       qfrc_actuator: generalised forces of all actuators.
       qacc: accelerations, constraints included.
       body_wrench: external (torque, force) on each body about its centre of mass `xipos`, world
-        axes: what `dynamics.external.external_wrench` returns.
+        axes, as `forces.external.external_wrench` returns it.
       contact: points, frames and geoms of the contacts.
       contact_force: (force, torque) of each contact on geom2 in the contact's frame, as
         `mj_contactForce` returns it; zero for a contact without force.
-      joint_limit_force: force of each joint's limit, not negative and zero where there is no
-        limit or it is not active; where both ends are active, that of the lower end.
-      tendon_limit_force: likewise for tendons.
+      joint_limit_force: force of each joint's limit, not negative; zero if there is no limit or it
+        is not active.
+      tendon_limit_force: force of each tendon's limit, likewise.
     """
 
     motion: Motion

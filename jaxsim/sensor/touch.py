@@ -1,4 +1,4 @@
-"""The touch sensor: normal forces of the contacts that are felt inside a site's volume."""
+"""The touch sensor: sum of the normal forces of contacts in a site's volume."""
 
 import jax
 import jax.numpy as jnp
@@ -17,8 +17,8 @@ _SITE = int(mujoco.mjtObj.mjOBJ_SITE)
 def touch(r: Readings, g: Group) -> Float[Array, "n 1"]:
     """Sum of the normal forces of contacts on a site's body that act through the site (N).
 
-    A contact counts if the ray from its point along the normal force meets the site's volume;
-    that is always so for a point inside.
+    A contact counts if the ray from its point along the normal force hits the site's volume, as it
+    does for a point inside.
     """
     contact, force = r.signals.contact, r.signals.contact_force
     sensor, slot, sign = _pairs(r, g)
@@ -38,9 +38,9 @@ def touch(r: Readings, g: Group) -> Float[Array, "n 1"]:
 
 
 def _pairs(r: Readings, g: Group) -> tuple[np.ndarray, np.ndarray, Float[Array, "npair"]]:
-    """Sensors with contact slots that may touch them, and the sign of the normal force there.
+    """Pairs of a sensor and a contact slot, and the sign of the normal force on the sensor's body.
 
-    The sign is 1 on the body of geom1, -1 on that of geom2 and 0 on others. Where the geoms are
+    The sign is 1 for the body of geom1, -1 for that of geom2 and 0 for others. If the geoms are
     static, pairs with sign 0 are left out.
     """
     contact = r.signals.contact

@@ -1,4 +1,4 @@
-"""Moving on with constant rates, which all integrators end with."""
+"""The last part of all integrators: advance the state with constant rates."""
 
 import jax.numpy as jnp
 import mujoco
@@ -19,13 +19,13 @@ _ACTUATION = mujoco.mjtDisableBit.mjDSBL_ACTUATION
 
 
 def semi_implicit(model: Model, state: State, now: Instant, qacc: Float[Array, "nv"]) -> Step:
-    """A step with one evaluation of forces, in which the new velocity moves the positions.
+    """A semi-implicit Euler step: positions advance with the new velocity.
 
     Args:
       model: the model.
       state: the state.
-      now: what was evaluated there.
-      qacc: the acceleration of the step.
+      now: forces and acceleration of the state.
+      qacc: acceleration of the step.
     """
     acting = now.actuation
     after = advance(model, state, qacc, acting.act_dot, acting.actuator_length)
@@ -47,8 +47,8 @@ def advance(
       state: the state.
       qacc: rate of the velocities.
       act_dot: rates of the activations.
-      actuator_length: lengths of the actuators, near which rotation servos keep their setpoints.
-      qvel: velocity that moves the positions; None for the one after the step.
+      actuator_length: lengths of the actuators; setpoints of rotation servos stay near them.
+      qvel: velocity with which positions advance; None for the velocity after the step.
     """
     h = model.opt.timestep
     after = state.qvel + h * qacc
@@ -63,7 +63,7 @@ def advance(
 
 
 def _next_activation(model: Model, act, act_dot, actuator_length) -> Float[Array, "na"]:
-    """Activations stand still where actuators are off; those of rotation servos stay bounded."""
+    """Next activations; constant for disabled actuators, wrapped for servos of rotations."""
     ids = stateful_actuators(model)
     if not len(ids) or model.opt.disabled(_ACTUATION):
         return act

@@ -1,4 +1,4 @@
-"""Accelerations with damping that is implicit in the velocity."""
+"""Accelerations with implicit damping."""
 
 import jax
 import jax.numpy as jnp
@@ -15,7 +15,7 @@ from jaxsim.model import Model
 def solve_damped(
     model: Model, now: Instant, damping: Damping, force: Float[Array, "nv"]
 ) -> Float[Array, "nv"]:
-    """`(M + h D)^-1 force`: O(n) along the tree unless D couples more than the tree does."""
+    """`(M + h D)^-1 force`, in O(n) unless D has a dense part."""
     h, kin = model.opt.timestep, now.motion.kin
     if damping.dense is not None:
         matrix = composite_mass_matrix(model, kin) + h * damping_matrix(model, kin, damping)

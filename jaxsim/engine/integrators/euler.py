@@ -1,4 +1,4 @@
-"""Semi-implicit Euler, with the damping of joints implicit."""
+"""Semi-implicit Euler with implicit joint damping."""
 
 import jax.numpy as jnp
 import mujoco
@@ -17,9 +17,9 @@ _DAMPER = mujoco.mjtDisableBit.mjDSBL_DAMPER
 
 
 def integrate(model: Model, state: State, evaluate: Evaluate) -> Step:
-    """`(M + h D) qacc = force`; the new velocity moves the positions.
+    """Semi-implicit Euler step with the acceleration of `(M + h D) qacc = force`.
 
-    The flags `eulerdamp` and `damper` switch the implicit damping off.
+    The disable flags `eulerdamp` and `damper` turn the implicit damping off.
     """
     now = evaluate(state)
     explicit = model.opt.disabled(_EULERDAMP) or model.opt.disabled(_DAMPER)
@@ -30,10 +30,10 @@ def integrate(model: Model, state: State, evaluate: Evaluate) -> Step:
 
 
 def _damped(model: Model, now: Instant, damping: Damping) -> Float[Array, "nv"]:
-    """`qacc` itself where D is zero, in value and derivative.
+    """Acceleration with implicit damping; exactly `qacc`, with its derivative, where D is zero.
 
-    Forces of stiff constraints are known less well than the acceleration, whose rounding they
-    amplify. So without D they are not divided by M again; MuJoCo does not, either.
+    Forces of stiff constraints are less accurate than the acceleration, whose rounding errors they
+    amplify. So if D is zero, the acceleration is not computed from forces again, as in MuJoCo.
     """
     if damps_dofs(model):
         return solve_damped(model, now, damping, now.force)

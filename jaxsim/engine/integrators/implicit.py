@@ -1,4 +1,4 @@
-"""Implicit in the velocity dependence of all smooth forces."""
+"""Integrator `implicit`: implicit in the velocity dependence of all smooth forces."""
 
 import jax.numpy as jnp
 

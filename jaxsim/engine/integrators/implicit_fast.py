@@ -1,4 +1,4 @@
-"""Implicit in the velocity dependence of forces, Coriolis forces left out."""
+"""Integrator `implicitfast`: implicit in velocity, except for Coriolis forces."""
 
 from jaxsim.engine.integrators.advance import semi_implicit
 from jaxsim.engine.integrators.damped import solve_damped
@@ -11,7 +11,7 @@ from jaxsim.model import Model, State
 def integrate(model: Model, state: State, evaluate: Evaluate) -> Step:
     """`(M + h D) qacc = force` with D of passive and actuator forces.
 
-    Free bodies that carry nothing have their gyroscopic forces implicit too, as in MuJoCo.
+    For single free bodies, gyroscopic forces are implicit, too, as in MuJoCo.
     """
     now = evaluate(state)
     if not model.nv:

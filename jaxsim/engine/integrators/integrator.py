@@ -1,4 +1,4 @@
-"""What an integrator is: a function from a state, and from forces at any state, to a `Step`."""
+"""`Integrator`: the interface of integrators, and `Step`, their result."""
 
 from collections.abc import Callable
 from typing import Protocol
@@ -16,16 +16,16 @@ Evaluate = Callable[[State], Instant]
 
 @struct.dataclass
 class Step:
-    """A time step: where it ends, and where forces were evaluated last.
+    """The result of a time step.
 
-    `mj_step` leaves the derived quantities of its last evaluation in `mjData`: those of the state
-    before the step, or of the fourth stage of Runge-Kutta.
+    `last` is the state whose derived quantities `mj_step` leaves in `mjData`: the state before the
+    step, or that of the fourth stage of Runge-Kutta.
 
     Attributes:
       after: the next state.
       last: the state at which forces were evaluated last.
-      qacc: acceleration there.
-      status: how the solves of all evaluations went.
+      qacc: acceleration at `last`.
+      status: combined status of the solves of all evaluations.
     """
 
     after: State
@@ -35,7 +35,7 @@ class Step:
 
 
 class Integrator(Protocol):
-    """A method of integration."""
+    """The interface of integrators."""
 
     def __call__(self, model: Model, state: State, evaluate: Evaluate) -> Step:
         """One time step.
@@ -43,9 +43,9 @@ class Integrator(Protocol):
         Args:
           model: the model.
           state: the state.
-          evaluate: forces and accelerations of a state.
+          evaluate: function from a state to its forces and accelerations.
 
         Returns:
-          The step; `qacc_warmstart` of the next state is the caller's business.
+          The step; the caller sets `qacc_warmstart` of the next state.
         """
         ...

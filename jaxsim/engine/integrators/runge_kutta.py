@@ -12,18 +12,18 @@ from jaxsim.engine.status import Status
 from jaxsim.joints.coordinates import exponential_rate, integrate_pos
 from jaxsim.model import Model, State
 
-# Of each stage: how far into the step it lies, and its weight.
+# Time of each stage as a fraction of the step, and its weight.
 _TABLEAU = ((0.0, 1.0), (0.5, 2.0), (0.5, 2.0), (1.0, 1.0))
 
 
 def integrate(model: Model, state: State, evaluate: Evaluate) -> Step:
     """Classical Runge-Kutta of fourth order in the Lie group of the configurations.
 
-    A rotation during the step is `q exp(theta)`, and what the stages average is the rate of
-    theta, not the angular velocity (Munthe-Kaas 1999; Hairer, Lubich and Wanner, Geometric
-    Numerical Integration, section IV.8). MuJoCo averages angular velocities, which has second
-    order for rotations, and so do we if `model.rotations` is "mujoco"; without ball and free joints
-    both are the same.
+    During the step a rotation is `q exp(theta)`, and the method averages rates of theta, not
+    angular velocities (Munthe-Kaas 1999; Hairer, Lubich and Wanner, Geometric Numerical
+    Integration, section IV.8). With `model.rotations` "mujoco" it averages angular velocities as
+    MuJoCo does, which is of second order for rotations. Without ball and free joints both are
+    equal.
     """
     h, dtype = model.opt.timestep, state.qpos.dtype
 
@@ -31,7 +31,7 @@ def integrate(model: Model, state: State, evaluate: Evaluate) -> Step:
         (rate, slope, act_dot), total, _, _, status = carry
         fraction, weight = fraction_and_weight
         theta = h * fraction * rate
-        # The solver starts from the last stage's acceleration; see `stepping.whole_step`.
+        # Each solve starts from the acceleration of the last stage; see `stepping.whole_step`.
         at = state.replace(
             qacc_warmstart=lax.stop_gradient(slope),
             qpos=integrate_pos(model, state.qpos, theta, 1.0),
@@ -45,7 +45,7 @@ def integrate(model: Model, state: State, evaluate: Evaluate) -> Step:
         status = status.then(Status.of(then.constrained))
         return (derivative, total, then.actuation.actuator_length, at, status), None
 
-    # One body for all stages keeps the program small; the first one stays where the state is.
+    # One loop body for all stages keeps the program small; the first stage has offset zero.
     start = (jnp.zeros_like(state.qvel), state.qacc_warmstart, jnp.zeros_like(state.act))
     length = jnp.zeros(model.nu, dtype)
     carry = (start, jax.tree.map(jnp.zeros_like, start), length, state, Status.empty(dtype))
@@ -57,7 +57,7 @@ def integrate(model: Model, state: State, evaluate: Evaluate) -> Step:
 
 
 def _derivative(model: Model, at: State, then: Instant, theta: Float[Array, "nv"]):
-    """Rates of the coordinates, in exponential coordinates, of velocities and of activations."""
+    """Rates of exponential coordinates, velocities and activations."""
     lie = model.rotations == "lie"
     moving = exponential_rate(model, at.qvel, theta) if lie else at.qvel
     return moving, then.qacc, then.actuation.act_dot
