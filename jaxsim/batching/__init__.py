@@ -1,4 +1,4 @@
-"""`vmap` with the batch on the last axis: a traced program, evaluated for all lanes at once."""
+"""`vmap` with the batch on the last axis: evaluates a traced program for all lanes at once."""
 
 from jaxsim.batching.mapping import vmap
 

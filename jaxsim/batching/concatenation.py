@@ -1,9 +1,9 @@
-"""Concatenations and stacks in sections, written so that LLVM makes vectors of their loops.
+"""Concatenations and stacks in sections, in a form that LLVM vectorises.
 
-A loop over lanes that computes now one part of the whole and now another has a branch in its body,
-and such loops LLVM does not vectorise. So parts are computed before they are put together. Parts
-of one row each, as those of a stack, share a loop: it computes all of them for every row and
-selects one. That is more arithmetic, but fewer loops to compile and to start.
+If XLA fuses a concatenation with the computation of its parts, the loop has a branch in its body
+and LLVM does not vectorise it. So the parts are computed first. Parts of one row each, as those of
+a stack, share a loop, which computes all of them for every row and selects one. That is more
+arithmetic, but there are fewer loops to compile and to start.
 """
 
 import itertools
@@ -22,7 +22,7 @@ JOINING = "concatenate", "stack"
 
 
 def with_parts_first(eqn, made: set):
-    """A concatenation or stack whose parts, where they are in `made`, are computed first."""
+    """A concatenation or stack whose parts that are in `made` are computed before it."""
     first = tuple(isinstance(v, jex.Var) and v in made for v in eqn.invars)
     return eqn.replace(primitive=parts_first_p, params={"whole": eqn, "first": first})
 
@@ -44,7 +44,7 @@ def _put_together(*parts, whole, first):
 
 
 def _selected(rows: Sequence[jax.Array], axis: int) -> list[jax.Array]:
-    """Rows of length one along the axis, joined a few at a time, each time in one loop."""
+    """Concatenation of rows of length one along the axis, `SELECTED_ROWS` at a time in one loop."""
     groups = [rows[i : i + tuning.SELECTED_ROWS] for i in range(0, len(rows), tuning.SELECTED_ROWS)]
     return [fusion_barrier(_select_row(group, axis)) for group in groups]
 

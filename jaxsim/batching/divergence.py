@@ -1,7 +1,8 @@
-"""Which values of a program depend on the lane: a forward pass over its equations.
+"""Divergence analysis: which values of a program depend on the lane.
 
-One boolean per value. A result is batched as soon as one operand is; loops are iterated to a
-fixpoint, so that a counter or a table carried through `scan` stays one value for all lanes.
+A forward pass over the equations gives each value a flag. A result is batched if an operand is.
+Loops are iterated to a fixed point, so that a counter or a table carried through `scan` stays one
+value for all lanes.
 """
 
 from collections.abc import Sequence
@@ -46,7 +47,7 @@ def equation_flags(eqn, flags: Sequence[bool]) -> Flags:
 
 
 def scan_flags(form: forms.Scan, flags: Flags) -> Flags:
-    """Smallest flags of (carry, scanned results) that one more step does not enlarge."""
+    """Flags of (carry, scanned results): the smallest fixed point of the body."""
     first, last = form.num_consts, form.num_consts + form.num_carry
     consts, carry, xs = flags[:first], flags[first:last], flags[last:]
     while True:
@@ -58,9 +59,9 @@ def scan_flags(form: forms.Scan, flags: Flags) -> Flags:
 
 
 def while_flags(form: forms.While, flags: Flags) -> tuple[Flags, bool]:
-    """Smallest flags of the carry, and whether the condition depends on the lane.
+    """Flags of the carry, the smallest fixed point, and whether the condition depends on the lane.
 
-    When it does, lanes stop at different times: everything the body changes is then batched.
+    If it does, lanes stop at different times, and everything that the body changes is batched.
     """
     first, last = form.num_cond_consts, form.num_cond_consts + form.num_body_consts
     cond_consts, body_consts, carry = flags[:first], flags[first:last], flags[last:]
@@ -77,7 +78,7 @@ def while_flags(form: forms.While, flags: Flags) -> tuple[Flags, bool]:
 
 
 def cond_flags(form: forms.Cond, flags: Flags) -> Flags:
-    """Flags of a branching on an index that all lanes share."""
+    """Flags of the results of a `cond` whose index is the same for all lanes."""
     out = [program_flags(branch, flags) for branch in form.branches]
     return [any(column) for column in zip(*out, strict=True)]
 

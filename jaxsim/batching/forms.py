@@ -1,9 +1,9 @@
-"""Forms of equations with inner programs: what their parameters say, whatever JAX calls them.
+"""Forms: the parameters of equations with inner programs, independent of JAX's release.
 
-The parameters are no public interface and their names move between releases (jax 0.12 renamed
-those of `scan`). So each primitive is registered with a function that reads them, which detects
-what it finds by its features, never by a version number. A form that it does not know reads as
-None: `jax.vmap` of that primitive then takes over, and `warn_unknown` says so once.
+These parameters are not a public interface, and their names change between releases (jax 0.12
+renamed those of `scan`). So each primitive is registered with a function that reads them. It tests
+for features, not for version numbers, and returns None for parameters that it does not know. The
+primitive is then batched by `jax.vmap`, and `warn_unknown` warns once.
 """
 
 import functools
@@ -47,10 +47,10 @@ class While:
 
 @dataclass(frozen=True)
 class Cond:
-    """`lax.cond` and `lax.switch`: operands are the branch index, then the branches' own.
+    """`lax.cond` and `lax.switch`: operands are the branch index, then those of the branches.
 
-    With platforms, the names for each branch or None for the default, it is
-    `lax.platform_dependent`, and the index that of the platform.
+    For `lax.platform_dependent`, `platforms` has the platforms' names for each branch, or None for
+    the default branch, and the index is that of the platform.
     """
 
     branches: tuple[Program, ...]
@@ -71,8 +71,8 @@ class Remat:
 
     Attributes:
       body: the program.
-      prevent_cse: indices of operands behind a barrier, so that the backward pass computes anew
-        what the forward pass has computed; none before differentiation.
+      prevent_cse: indices of operands that need a barrier, so that the backward pass recomputes
+        the values of the forward pass; none before differentiation.
     """
 
     body: Program
@@ -81,7 +81,7 @@ class Remat:
 
 @dataclass(frozen=True)
 class Custom:
-    """A call of a function with a derivative of its own ("jvp" or "vjp")."""
+    """A call of a function with a custom derivative ("jvp" or "vjp")."""
 
     body: Program
     kind: str
@@ -92,8 +92,8 @@ class LinearSolve:
     """`lax.custom_linear_solve`: operands are the constants of each program, then b.
 
     Attributes:
-      parts: the programs by name; one that is missing has no constants and is None.
-      counts: number of constants of each.
+      parts: the programs by name; None for one that does not exist.
+      counts: number of constants of each program.
       replace: from new programs to the parameters of the primitive.
     """
 
@@ -103,7 +103,7 @@ class LinearSolve:
 
 
 def program(jaxpr) -> Program:
-    """Accept an open jaxpr, a closed one, or the one type that jax 0.12 has for both."""
+    """A `Program` from an open or a closed jaxpr; jax 0.12 has one type for both."""
     return Program(getattr(jaxpr, "jaxpr", jaxpr), tuple(getattr(jaxpr, "consts", ())))
 
 
@@ -121,7 +121,7 @@ def read(eqn):
 
 @functools.cache
 def warn_unknown(name: str) -> None:
-    """Say, once for each primitive, that its parameters were not understood."""
+    """Warn, once for each primitive, that its parameters are not known."""
     warnings.warn(
         f"jaxsim.vmap does not know how this JAX release ({jax.__version__}) stores {name}; "
         "it uses jax.vmap for it, which is slower",
@@ -130,7 +130,7 @@ def warn_unknown(name: str) -> None:
 
 
 def platform_branch(form: Any, platform: str) -> Program | None:
-    """The program that a `lax.platform_dependent` runs there; None for all other forms."""
+    """The branch of a `lax.platform_dependent` for a platform; None for all other forms."""
     platforms = (form.platforms if isinstance(form, Cond) else None) or ()
     fitting = (i for i, names in enumerate(platforms) if names is None or platform in names)
     i = next(fitting, None)

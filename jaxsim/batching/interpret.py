@@ -1,8 +1,8 @@
-"""Evaluates a traced program for all lanes at once, the lanes on the last axis.
+"""Interpreter that evaluates a traced program for all lanes at once, with lanes on the last axis.
 
-Every value is an array and a flag: batched values carry a trailing axis of `size` lanes,
-the others stay as they were traced. An equation without batched operands is evaluated as
-written, one with a rule by its rule, and any other by `jax.vmap` of its primitive.
+Every value is an array with a flag. Batched values have a trailing axis of `size` lanes, the
+others do not. An equation without batched operands is evaluated as it is, one whose primitive has
+a rule by the rule, and any other by `jax.vmap` of its primitive.
 """
 
 import collections
@@ -19,7 +19,7 @@ from jaxsim.batching.lazy import Lazy
 
 
 def force(value):
-    """An array, also where putting it together was put off."""
+    """The array of a value, which is computed now if the value is lazy."""
     return value.force() if isinstance(value, Lazy) else value
 
 
@@ -36,7 +36,7 @@ class Lanes:
     size: int
 
     def broadcast(self, value, flag: bool):
-        """Give a value its lane axis, if it has none."""
+        """The value with a lane axis, which is added if it has none."""
         if flag:
             return value
         shape = jax.numpy.shape(value)
@@ -45,7 +45,7 @@ class Lanes:
     def evaluate(
         self, program: forms.Program, values: Sequence, flags: Sequence[bool]
     ) -> tuple[list, list[bool]]:
-        """Results of the program and their flags, which `divergence.program_flags` predicts."""
+        """Results of the program and their flags, the same as by `divergence.program_flags`."""
         jaxpr = program.jaxpr
         env = {v: (c, False) for v, c in zip(jaxpr.constvars, program.consts, strict=True)}
         env.update(zip(jaxpr.invars, zip(values, flags, strict=True), strict=True))
@@ -68,7 +68,7 @@ class Lanes:
         return [force(v) for v, _ in results], [f for _, f in results]
 
     def evaluate_as(self, program, values, flags, wanted: Sequence[bool]) -> list:
-        """The results, where those in `wanted` get a lane axis in any case."""
+        """The results; those in `wanted` always have a lane axis."""
         results, out = self.evaluate(program, values, flags)
         return [self.broadcast(v, f or not w) for v, f, w in zip(results, out, wanted, strict=True)]
 
@@ -78,12 +78,12 @@ class Lanes:
         return [self.broadcast(v, f) for v, f in zip(results, out, strict=True)]
 
     def trace(self, f: Callable, values: Sequence, flags: Sequence[bool]) -> forms.Program:
-        """The program of `f` for one lane of these values; f returns a list of arrays."""
+        """Trace `f`, which returns a list of arrays, for one lane of these values."""
         kinds = [jaxprs.element(v, -1 if on else None) for v, on in zip(values, flags, strict=True)]
         return forms.program(jax.make_jaxpr(f)(*kinds))
 
     def apply(self, f: Callable, values: Sequence, flags: Sequence[bool]) -> list:
-        """`f`, written for one lane and returning a list, for all lanes."""
+        """Evaluate `f`, which is written for one lane and returns a list, for all lanes."""
         return self.evaluate_full(self.trace(f, values, flags), values, flags)
 
     def _equation(self, eqn, values, flags) -> Sequence:

@@ -1,4 +1,4 @@
-"""Tools for JAX's traced programs, equations and types, that read no form of them."""
+"""Tools for jaxprs, equations and types that do not depend on `forms`."""
 
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
@@ -11,15 +11,15 @@ from jaxsim.batching import registry
 
 
 def is_divided(sharding) -> bool:
-    """Whether a sharding, None included, divides any axis.
+    """Whether a sharding (or None) divides any axis.
 
-    Within `jax.shard_map` JAX attaches some that do not.
+    Within `jax.shard_map`, JAX also attaches shardings that divide none.
     """
     return any(axis is not None for axis in getattr(sharding, "spec", ()))
 
 
 def rebind(eqn) -> Callable:
-    """The equation as a function of all its operands, with its custom rules in force."""
+    """The equation as a function of all its operands, with its custom rules."""
     operands = [v for v in eqn.invars if not isinstance(v, jex.Literal)]
     unique = list(dict.fromkeys(operands))
     keep = [eqn.invars.index(v) for v in unique]
@@ -38,14 +38,14 @@ def bodies(eqn) -> Iterator[Any]:
 
 
 def length(eqns: Sequence) -> int:
-    """Number of equations, with those of all that they call."""
+    """Number of equations, including those of called and inner programs."""
     return sum(1 + sum(length(jaxpr.eqns) for jaxpr in bodies(eqn)) for eqn in eqns)
 
 
 def with_bodies(eqn, change: Callable):
-    """The equation with other jaxprs where it loops or branches, conditions of loops excepted.
+    """The equation with `change` applied to bodies of loops and branches, not to conditions.
 
-    `change` takes and returns an open jaxpr with the same operands and results.
+    `change` maps an open jaxpr to one with the same operands and results.
     """
     name = registry.find(eqn).bodies
     if name is None:
@@ -59,19 +59,19 @@ def with_bodies(eqn, change: Callable):
 
 
 def with_jaxpr(jaxpr, change: Callable):
-    """A closed jaxpr with its open one changed; jax 0.12 has one type for both."""
+    """A closed jaxpr with `change` applied to its open jaxpr; jax 0.12 has one type for both."""
     if isinstance(jaxpr, jex.Jaxpr):
         return change(jaxpr)
     return jaxpr.replace(jaxpr=change(jaxpr.jaxpr))
 
 
 def closed(invars, outvars, eqns):
-    """A closed jaxpr of some equations without effects."""
+    """A closed jaxpr of equations without effects."""
     return jex.ClosedJaxpr(_jaxpr(invars, outvars, eqns, frozenset()), ())
 
 
 def open_program(traced) -> tuple[Any, tuple]:
-    """A jaxpr whose constants have become its first operands, and these constants."""
+    """The jaxpr with its constants as first operands, and the constants."""
     jaxpr, consts = traced.jaxpr, tuple(traced.consts)
     if consts:
         invars = [*jaxpr.constvars, *jaxpr.invars]
@@ -87,10 +87,10 @@ def _jaxpr(invars, outvars, eqns, effects):
 
 
 def element(value, axis: int | None):
-    """An array, or the type of one, that is like one element of a value along `axis`.
+    """An array, or its type, with the type of one element of a value along `axis`.
 
-    For None it is like the value itself. Inside `shard_map` the type says over which mesh axes
-    the value varies, and only a slice of the value carries this faithfully.
+    With axis None, it has the type of the value. Inside `shard_map`, the type includes the mesh
+    axes over which the value varies, and only a slice of the value has all of these.
     """
     kind = jax.typeof(value)
     if _varying(kind):
@@ -118,7 +118,7 @@ def _varying(kind) -> frozenset:
 
 
 def result_type(f: Callable, *kinds):
-    """Type of f's result, from the types of its operands."""
+    """Type of the result of f, from the types of its operands."""
     (result,) = jax.make_jaxpr(f)(
         *[jax.ShapeDtypeStruct(k.shape, k.dtype) for k in kinds]
     ).out_avals
@@ -126,6 +126,6 @@ def result_type(f: Callable, *kinds):
 
 
 def varying_like(kind, *others):
-    """The type, varying over the mesh axes of `shard_map` over which one of the others does."""
+    """The type, varying over all mesh axes of `shard_map` over which one of the others varies."""
     varying = [k for k in others if _varying(k)]
     return kind.update_manual_axis_type(varying[0].manual_axis_type) if varying else kind

@@ -1,4 +1,4 @@
-"""Lazy results of rules: computed at their first use, unless that takes them as they are."""
+"""Lazy results of rules, which are computed at their first use."""
 
 import dataclasses
 
@@ -7,9 +7,9 @@ from jax import lax
 
 
 class Lazy:
-    """A result that is computed at its first use, unless that takes it as it is.
+    """A result that is computed at its first use by a rule that does not accept it as it is.
 
-    A rule may return one; rules that take it say so where they are registered.
+    Rules that accept a kind of lazy operand are registered with it, see `Primitive.takes`.
     """
 
     def force(self) -> jax.Array:
@@ -19,7 +19,7 @@ class Lazy:
 
 @dataclasses.dataclass(frozen=True)
 class LazyTranspose(Lazy):
-    """An array with its axes in another order: a product takes it in any.
+    """A transposed array; products accept axes in any order.
 
     Attributes:
       array: the array.

@@ -1,10 +1,10 @@
 """`vmap` with the batch on the last axis while it evaluates.
 
 `jax.vmap` puts the batch first, and XLA's CPU loops then run over axes of length 3 or 6. Here
-the function is traced for one element and re-emitted with the batch last (see `interpret`), so
-every loop runs over the batch at full vector width and small matrix products become fused
+the function is traced for one element and evaluated with the batch last (see `interpret`), so
+every loop runs over the batch at full vector width, and small matrix products become fused
 multiply-adds. The meaning is that of `jax.vmap`: axes, pytrees, random numbers, custom
-derivatives and errors are the same, numbers up to rounding.
+derivatives and errors are the same; numbers are the same up to rounding.
 """
 
 import functools
@@ -21,7 +21,7 @@ from jaxsim.batching.interpret import Lanes
 def vmap(
     f: Callable, in_axes: Any = 0, out_axes: Any = 0, axis_size: int | None = None
 ) -> Callable:
-    """Vectorise a function; `jax.vmap` in meaning, batch-last in execution.
+    """Vectorise a function as `jax.vmap` does, but compute with the batch on the last axis.
 
     Like `jax.vmap` it compiles nothing by itself: use `jax.jit(vmap(f))`, or `vmap(jax.jit(f))`.
 
@@ -30,16 +30,16 @@ def vmap(
         in_axes: Axis to map of every positional argument: an int, None for "not mapped", or a
             tuple with one entry for each argument, each a tree prefix of it. Keyword arguments
             are mapped along axis 0.
-        out_axes: Where the mapped axis appears in the result, as a tree prefix of it; None for
+        out_axes: Position of the mapped axis in the result, as a tree prefix of it; None for
             results that do not depend on the batch.
-        axis_size: Size of the batch, needed only where no argument is mapped.
+        axis_size: Size of the batch, needed only if no argument is mapped.
 
     Returns:
         A function with the same signature on arrays with an additional axis.
 
     Raises:
-        TypeError: For axes that are no ints, or an `f` that is not callable.
-        ValueError: For axes that do not fit the arguments or the result.
+        TypeError: An axis is not an int, or `f` is not callable.
+        ValueError: The axes do not fit the arguments or the result.
     """
     if not callable(f):
         raise TypeError(f"vmap needs a callable, got {f!r}")
@@ -76,7 +76,7 @@ def vmap(
 
 
 def _trace(f, leaves, axes, tree) -> tuple[forms.Program, Any]:
-    """The program of one element; what is not mapped is closed over, so it stays concrete."""
+    """Trace f for one element; leaves that are not mapped are closed over and stay concrete."""
 
     def one_element(*mapped):
         rest = iter(mapped)
@@ -110,7 +110,7 @@ def _input_axes(in_axes, args, kwargs) -> list[int | None]:
 
 
 def _broadcast_prefix(name: str, prefix, tree) -> list[int | None]:
-    """One axis for each leaf of the tree; None is an axis in the prefix but no leaf of the tree."""
+    """One axis for each leaf of the tree; in the prefix, None counts as an axis, not as no leaf."""
     unmapped = object()
     marked = jax.tree.map(
         lambda x: unmapped if x is None else x, prefix, is_leaf=lambda x: x is None
@@ -158,7 +158,7 @@ def _batch_size(leaves, axes, axis_size: int | None) -> int:
 
 
 def _place(lanes: Lanes, value, flag: bool, axis: int | None):
-    """Move the lane axis to where the caller wants it."""
+    """Move the lane axis to the position that `out_axes` asks for."""
     if axis is None:
         if flag:
             raise ValueError("vmap out_axes is None for a result that depends on the batch")

@@ -1,8 +1,8 @@
-"""Sums of zero-padded arrays, put together once.
+"""Sums of zero-padded arrays, computed as one concatenation.
 
-Reverse mode takes the cotangents of the parts of an array one by one: each is padded with zeros
-to the shape of the whole, and all these wholes are added. Here the parts are collected, and the
-whole is written once, as a concatenation of what lies where.
+In reverse mode, the cotangent of each slice of an array is padded with zeros to the shape of the
+array, and all of these are added. Here the parts are collected lazily, and the sum is written once,
+as a concatenation of regions.
 """
 
 import dataclasses
@@ -20,23 +20,23 @@ Box = tuple[tuple[int, int], ...]  # begin and end along each axis
 
 @dataclasses.dataclass(frozen=True)
 class PaddedSum(Lazy):
-    """The sum of some arrays, each at its place in an array of zeros.
+    """The sum of arrays, each placed in an array of zeros.
 
     Attributes:
-      shape: of the whole.
-      parts: the arrays and where they begin.
+      shape: shape of the sum.
+      parts: the arrays and their positions.
     """
 
     shape: tuple[int, ...]
     parts: tuple[tuple[tuple[int, ...], jnp.ndarray], ...]
 
     def plus(self, other) -> "PaddedSum":
-        """The sum with other pieces of the same whole, or with an array."""
+        """The sum with the parts of another such sum, or with an array."""
         parts = other.parts if isinstance(other, PaddedSum) else (((0,) * other.ndim, other),)
         return PaddedSum(self.shape, self.parts + parts)
 
     def force(self):
-        """The whole."""
+        """The sum as an array."""
         whole = tuple((0, size) for size in self.shape)
         parts = [(_box(start, x.shape), x) for start, x in self.parts]
         if _cells(parts, whole, 0) > tuning.PADDED_REGIONS:
@@ -45,7 +45,7 @@ class PaddedSum(Lazy):
 
 
 def _fill(parts, region: Box, axis: int):
-    """The part of the whole in a region that the parts divide along this axis and later ones."""
+    """The sum within a region, which is divided along this axis and later ones."""
     if axis == len(region):
         return functools.reduce(lax.add, (_cut(box, x, region) for box, x in parts))
     rows = []
@@ -64,7 +64,7 @@ def _cells(parts, region: Box, axis: int) -> int:
 
 
 def _divide(parts, region: Box, axis: int) -> list[Box]:
-    """The region cut along an axis where parts begin or end."""
+    """The region divided along an axis at the ends of all parts."""
     low, high = region[axis]
     edges = {low, high}.union(*(box[axis] for box, _ in parts))
     cuts = itertools.pairwise(sorted(e for e in edges if low <= e <= high))
@@ -72,7 +72,7 @@ def _divide(parts, region: Box, axis: int) -> list[Box]:
 
 
 def _inside(parts, region: Box, axis: int) -> list:
-    """The parts that reach into the region along an axis."""
+    """The parts that overlap the region along an axis."""
     low, high = region[axis]
     return [(box, x) for box, x in parts if box[axis][0] < high and box[axis][1] > low]
 

@@ -1,7 +1,7 @@
 """Passes over a traced program before it is divided: inlining, dead code, loop invariants.
 
-A call that stays one is a boundary for the compiler and for sections. What only JAX's derivatives
-and batches need of it, rules and alternatives for other platforms, has done its work here.
+A call that is not inlined is a boundary for the compiler and for sections. Custom derivatives and
+branches for other platforms are not needed any more at this stage, so they are inlined, too.
 """
 
 import functools
@@ -16,9 +16,9 @@ from jaxsim.batching.primitives.own_kernel import own_kernel_p
 
 
 def inlined(jaxpr, num_invariant: int):
-    """The program with the equations of its calls in their place, within loops too.
+    """The program with calls inlined, also within loops.
 
-    Its first `num_invariant` operands are those that a loop around it does not change.
+    Its first `num_invariant` operands are invariant in the loop around it.
     """
     eqns, invariant = [], {*jaxpr.constvars, *jaxpr.invars[:num_invariant]}
 
@@ -51,7 +51,7 @@ def inlined(jaxpr, num_invariant: int):
 
 
 def _inlined_call(eqn, operands: Sequence):
-    """The program of a call that need not stay one, and its operands; else None."""
+    """The program and operands of a call that can be inlined; None for other equations."""
     if eqn.effects or eqn.ctx.xla_metadata or eqn.primitive is own_kernel_p:
         return None
     form = forms.read(eqn)
@@ -70,10 +70,11 @@ def _inlined_call(eqn, operands: Sequence):
 
 
 def _behind_barrier(eqn, operands: Sequence, invariant: set) -> tuple[list, Sequence]:
-    """The barrier before a backward pass that recomputes, if it needs one, and the new operands.
+    """A barrier before a recomputing backward pass, if it needs one, and the new operands.
 
-    Without it XLA would find that the forward pass has computed the same, and keep that instead.
-    Loop-invariant operands need none: what is computed of them is moved out of the loop.
+    Without it, XLA would merge the recomputation with the forward pass and store the values.
+    Loop-invariant operands need no barrier, because computations with them are moved out of the
+    loop.
     """
     form = forms.read(eqn)
     recomputing = form.prevent_cse if isinstance(form, forms.Remat) else ()
@@ -89,7 +90,7 @@ def _behind_barrier(eqn, operands: Sequence, invariant: set) -> tuple[list, Sequ
 
 
 def without_dead_code(jaxpr):
-    """The program without the equations that nobody needs, which a section would keep."""
+    """The program without dead equations, which a section would keep."""
     needed, eqns = set(variables(jaxpr.outvars)), []
     for eqn in reversed(jaxpr.eqns):
         if eqn.effects or not needed.isdisjoint(eqn.outvars):
@@ -111,7 +112,7 @@ def _invariant_results(eqn, invariant: set) -> Sequence:
 
 
 def num_invariant_operands(eqn) -> int:
-    """How many operands of its body a loop does not change."""
+    """Number of operands of a loop's body that are invariant."""
     match forms.read(eqn):
         case forms.Scan(num_consts=num_invariant) | forms.While(num_body_consts=num_invariant):
             return num_invariant
@@ -119,5 +120,5 @@ def num_invariant_operands(eqn) -> int:
 
 
 def variables(atoms: Sequence) -> list:
-    """Those of an equation's operands or results that are no literals."""
+    """The operands or results of an equation that are not literals."""
     return [v for v in atoms if isinstance(v, jex.Var)]

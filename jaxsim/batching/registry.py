@@ -1,7 +1,7 @@
-"""What the interpreter and the sections know of a primitive, registered once, beside its rule.
+"""Properties of primitives, registered once for each in the file with its rule.
 
-A primitive that is not registered is batched by `jax.vmap`, has no inner programs that are read,
-and is part of no section: slower, and just as right.
+A primitive that is not registered is batched by `jax.vmap`, its inner programs are not read, and it
+is not part of a section. This is slower, but correct.
 """
 
 import dataclasses
@@ -18,14 +18,14 @@ primitive", which `jax.vmap` then takes over.
 
 @dataclasses.dataclass(frozen=True)
 class Primitive:
-    """All that is known of one primitive.
+    """The properties of one primitive.
 
     Attributes:
-      rule: how it acts on arrays whose last axis is the batch.
-      read: for a primitive with inner programs: from its parameters to one of `forms`.
-      bodies: the parameter with programs that are divided into sections of their own.
-      in_section: whether XLA compiles an equation of it within a section.
-      takes: kinds of `Lazy` operands that the rule takes as they are.
+      rule: evaluates an equation on arrays whose last axis is the batch.
+      read: for a primitive with inner programs, from its parameters to one of `forms`.
+      bodies: name of the parameter with programs that are divided into sections.
+      in_section: whether XLA can compile the primitive within a section.
+      takes: kinds of `Lazy` operands that the rule accepts.
       uniform: whether its results are the same for all lanes, whatever its operands.
     """
 
@@ -42,11 +42,11 @@ _PRIMITIVES: dict[str, Primitive] = {}
 
 
 def register(*names: str, **known) -> None:
-    """Register primitives by name, which is all that stays the same between releases of JAX.
+    """Register primitives by name, because only names are the same in all releases of JAX.
 
     Args:
-      *names: the primitive, or several of which the same is known.
-      **known: the attributes of `Primitive`.
+      *names: one or several primitives with the same properties.
+      **known: attributes of `Primitive`.
 
     Raises:
       ValueError: one of them is registered already.
@@ -58,11 +58,11 @@ def register(*names: str, **known) -> None:
 
 
 def find(eqn) -> Primitive:
-    """What is known of an equation's primitive."""
+    """The properties of an equation's primitive."""
     return _PRIMITIVES.get(eqn.primitive.name, _UNKNOWN)
 
 
 def fits_section(eqn) -> bool:
-    """Whether XLA compiles this equation within a section, its inner programs aside."""
+    """Whether XLA can compile this equation within a section, apart from its inner programs."""
     fits = find(eqn).in_section
     return fits(eqn) if callable(fits) else fits

@@ -1,11 +1,11 @@
-"""Programs in sections, each of which a CPU runs as one kernel.
+"""Division of programs into sections, each of which a CPU runs as one kernel.
 
-XLA starts every fused operation on a CPU by itself, and on a few hundred lanes that takes about as
-long as the operation. A call that carries the attribute `xla_cpu_small_call`, which XLA itself
-gives to small loops, is compiled as one function instead. So a traced program is divided here: what
-such a function can hold is collected into calls, control flow included where it is short enough;
-the rest stays as it is, and longer loops and branches have their bodies divided. A compiler that
-does not know the attribute makes the same numbers, more slowly.
+On a CPU, XLA starts every fused operation separately, which for a few hundred lanes takes about as
+long as the operation. But a call with the attribute `xla_cpu_small_call`, which XLA itself gives to
+small loops, is compiled as one function. So the equations that such a function may contain are
+outlined here into calls, with control flow if it is short enough. Other equations stay as they are,
+and bodies of longer loops and branches are divided in the same way. A compiler that does not know
+the attribute computes the same numbers more slowly.
 """
 
 import collections
@@ -37,10 +37,10 @@ REPEATING = "broadcast_in_dim", "iota"
 
 
 def sectioned(f: Callable, platform: str) -> Callable:
-    """The same function, its program in sections if it is for a CPU.
+    """Return `f` with its program divided into sections, if the platform is a CPU.
 
-    It is the outermost one, as it has no derivatives any more, and must be compiled with
-    `devices.compiler_options`, which keep XLA's optimisation barriers.
+    The result has no derivatives, so this is the last transformation. It must be compiled with
+    `parallel.devices.compiler_options`, which keep XLA's optimisation barriers.
     """
     if platform != "cpu":
         return f
@@ -58,7 +58,7 @@ def sectioned(f: Callable, platform: str) -> Callable:
 
 
 def _divided(jaxpr, num_invariant: int):
-    """The program in sections; `num_invariant` operands, the first, are constant in its loop."""
+    """The program divided into sections; its first `num_invariant` operands are loop-invariant."""
     jaxpr = without_dead_code(inlined(jaxpr, num_invariant))
     invariant = loop_invariant(jaxpr, num_invariant)
     groups = list(_groups(jaxpr.eqns, invariant))
@@ -75,9 +75,9 @@ def _divided(jaxpr, num_invariant: int):
 
 
 def _groups(eqns: Sequence, invariant: set) -> Iterator[tuple[list, bool]]:
-    """The equations, in an order that changes nothing, in groups; and whether each is a section.
+    """Groups of equations, reordered within their dependences, and whether each is a section.
 
-    What does not change from turn to turn of a loop is in no section: XLA takes it out of the loop.
+    Loop-invariant equations are in no section, so that XLA moves them out of the loop.
     """
     section, made, size = [], set(), 0
     for eqn in eqns:
@@ -99,7 +99,7 @@ def _groups(eqns: Sequence, invariant: set) -> Iterator[tuple[list, bool]]:
 
 
 def _users(jaxpr, groups: Sequence[Sequence]) -> dict:
-    """For each variable the indices of the groups that read it; that of the results is None."""
+    """For each variable the indices of the groups that read it; None stands for the results."""
     users = collections.defaultdict(set)
     for index, group in enumerate(groups):
         for eqn in group:
@@ -111,12 +111,12 @@ def _users(jaxpr, groups: Sequence[Sequence]) -> dict:
 
 
 def _is_view(eqn) -> bool:
-    """Whether the equation repeats numbers or shows part of them, which costs a reader nothing."""
+    """Whether the equation is a view, such as a broadcast or slice, free for its reader."""
     return eqn.primitive.name in (*VIEWS, *REPEATING)
 
 
 def _needed(group: Sequence, views: dict) -> list:
-    """The views that the group reads, in order: XLA leaves them in a loop, one kernel for each."""
+    """The views that the group reads, in order; outside of it, each would be a kernel."""
     found = {}
 
     def visit(eqn):
@@ -131,7 +131,7 @@ def _needed(group: Sequence, views: dict) -> list:
 
 
 def _fits(eqn) -> bool:
-    """Whether the equation, with all that it calls, can be part of a section."""
+    """Whether the equation, with all its inner programs, can be part of a section."""
     if not registry.fits_section(eqn) or eqn.effects:
         return False
     if not all(_is_plain(v.aval) for v in (*eqn.invars, *eqn.outvars)):
@@ -140,13 +140,13 @@ def _fits(eqn) -> bool:
 
 
 def _is_plain(kind) -> bool:
-    """An array of booleans, or of integers or floats that need no emulation."""
+    """Whether the type is an array of booleans, or of numbers that need no emulation."""
     dtype = getattr(kind, "dtype", None)
     return getattr(dtype, "name", None) in PLAIN
 
 
 def _inner_divided(eqn):
-    """The equation itself; of a long loop or branching, with its bodies in sections."""
+    """The equation; the bodies of a long loop or branch are divided into sections."""
     if eqn.effects or jaxprs.length([eqn]) < tuning.SECTION_MIN:
         return eqn
     return jaxprs.with_bodies(
@@ -155,7 +155,7 @@ def _inner_divided(eqn):
 
 
 def _section(eqns: Sequence, results: Sequence):
-    """One equation for several."""
+    """One equation that calls several equations as a section."""
     made = {v for eqn in eqns for v in eqn.outvars}
     read = dict.fromkeys(v for eqn in eqns for v in variables(eqn.invars) if v not in made)
     program = jaxprs.closed([*read], results, _parts_first(eqns))
@@ -163,7 +163,7 @@ def _section(eqns: Sequence, results: Sequence):
 
 
 def _parts_first(eqns: Sequence) -> list:
-    """The equations, where parts of arrays are computed before they are put together."""
+    """The equations, with the parts of concatenations computed before them."""
     made = {v for eqn in eqns if eqn.primitive.name not in (*VIEWS, *JOINING) for v in eqn.outvars}
     parts_first = lambda jaxpr: jaxpr.replace(eqns=_parts_first(jaxpr.eqns))  # noqa: E731
     new = []
@@ -175,9 +175,9 @@ def _parts_first(eqns: Sequence) -> list:
 
 
 def _run(*values, program):
-    """Calls the section as one function; arrays without elements are not operands or results."""
-    # XLA aborts where it finds an operand of such a function unused. So none may be a constant,
-    # which would become part of the function, and each is read even where that is not necessary.
+    """Call the section as one function; arrays without elements are not operands or results."""
+    # XLA aborts if an operand of such a function is unused. So operands must not be constants,
+    # which XLA would move into the function, and each is read even if its numbers are not needed.
     full = lax.optimization_barrier([x for x in values if x.size])
 
     def section(*xs):
@@ -193,7 +193,7 @@ def _run(*values, program):
 
 
 def _touch(x):
-    """A number that takes an element of x to compute."""
+    """A number that depends on an element of x."""
     first = lax.squeeze(lax.slice(x, (0,) * x.ndim, (1,) * x.ndim), range(x.ndim))
     return lax.ne(first, lax.full_like(first, 0)).astype(jnp.int32)
 

@@ -1,4 +1,4 @@
-"""JAX's primitives, and ours: all that is known of each is registered in the file of its rule."""
+"""Rules for JAX's primitives and our own; each is registered in the file with its rule."""
 
 from jaxsim.batching.primitives import (
     calls,

@@ -10,7 +10,7 @@ from jaxsim.batching.registry import register
 
 
 def jit(lanes, eqn, values, flags):
-    """Large functions stay functions: traced once for all calls, compiled once for eager ones."""
+    """A call of a jitted function: small ones are inlined, large ones stay calls, traced once."""
     form = forms.read(eqn)
     if form is None:
         return None
@@ -29,7 +29,7 @@ def _jitted(lanes, jaxpr, flags, name):
 
 
 def remat(lanes, eqn, values, flags):
-    """The same primitive around the batched body: what is recomputed, and when, is unchanged."""
+    """The same primitive with the batched body, so that the same values are recomputed."""
     form = forms.read(eqn)
     if form is None:
         return None

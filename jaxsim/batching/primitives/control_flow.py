@@ -1,4 +1,4 @@
-"""`scan` and `cond`, lanes last: the bodies are evaluated, the structure is kept."""
+"""`scan` and `cond` with lanes last: the same control flow with batched bodies."""
 
 from jax import lax
 
@@ -8,7 +8,7 @@ from jaxsim.batching.registry import register
 
 
 def scan(lanes, eqn, values, flags):
-    """Carries that no lane changes by itself stay unbatched."""
+    """A `scan`; carried values that are the same for all lanes stay unbatched."""
     form = forms.read(eqn)
     if form is None:
         return None
@@ -28,7 +28,7 @@ def scan(lanes, eqn, values, flags):
 
 
 def cond(lanes, eqn, values, flags):
-    """A shared index branches; with an index for each lane every branch runs, then selects."""
+    """A `cond`: with an index for each lane, all branches are computed and one is selected."""
     form = forms.read(eqn)
     if form is None:
         return None

@@ -1,7 +1,8 @@
-"""Decisions that a batch takes together.
+"""Decisions that are the same for all elements of a batch.
 
-Where a branch depends on the element of a batch, both branches are computed for all of them. A rare
-and expensive one is better entered by all as soon as one needs it, and else by none.
+If the predicate of a `cond` depends on the element of a batch, both branches are computed for all
+elements. A rare and expensive branch should rather be taken by all elements if one needs it, and
+else by none.
 """
 
 from collections.abc import Callable
@@ -20,42 +21,47 @@ is_batched_p = jex.Primitive("is_batched")
 
 
 def any_in_batch(x: Bool[Array, "*n"]) -> Bool[Array, "*n"]:
-    """Whether each x is true; in a batch, whether it is for any of its elements.
+    """Return x; in a batch, whether x is true for any element of the batch.
 
-    To be used only where the answer changes how something is computed, not what.
+    Use it only for decisions that affect how a result is computed, not its value.
     """
     return any_in_batch_p.bind(x)
 
 
 def is_batched(x: Array) -> Bool[Array, ""]:
-    """Whether this is computed for a batch of `jaxsim.vmap` in which x differs; False elsewhere.
+    """Whether `jaxsim.vmap` maps over x; False outside of it.
 
-    It is known to the compiler. So a second program for what is frequent is only compiled where
-    there are lanes enough to repay it.
+    The result is a constant for the compiler, so that a branch that pays only for a batch is not
+    compiled otherwise.
     """
     return is_batched_p.bind(lax.stop_gradient(x))  # JAX then asks for no derivative
 
 
 def serial_or_parallel(serial: Callable, parallel: Callable, *operands: Any) -> Any:
-    """Two ways to compute the same: the first where a program runs one operation after the other.
+    """Evaluate `serial` on a CPU, `parallel` on other platforms; both compute the same result.
 
-    There a loop over what is needed is cheaper than to compute all, which elsewhere happens at the
-    same time.
+    On a CPU, a loop over the elements that are needed is cheaper than computing all elements, which
+    a parallel processor computes at the same time.
+
+    Args:
+      serial: function of the operands for a CPU.
+      parallel: function of the operands for other platforms.
+      operands: arguments of both.
     """
     return lax.platform_dependent(*operands, cpu=serial, default=parallel)
 
 
 def nonzero_in_batch(W: Float[Array, "n ..."]) -> Bool[Array, "n"]:
-    """Which of n rows or contacts have a weight that is not zero, anywhere in a batch."""
+    """(n,) whether each item has a nonzero weight in some element of the batch."""
     return any_in_batch(jnp.any(W != 0, axis=tuple(range(1, W.ndim))))
 
 
 def index_of_nth(rank: Int[Array, "n"], i: Int[Array, ""]) -> Int[Array, ""]:
-    """Where the i-th that is true stands, counted from zero; n if there are not so many.
+    """Index of the i-th true item, with i from zero; n if there are not so many.
 
     Args:
-      rank: the cumulative sum of what is true.
-      i: which of them.
+      rank: cumulative sum of a mask.
+      i: number of the item.
     """
     return jnp.sum(rank <= i)
 
@@ -84,12 +90,12 @@ mlir.register_lowering(is_batched_p, mlir.lower_fun(_no_lanes, multiple_results=
 
 
 def any_rule(lanes, eqn, values, flags):
-    """All lanes decide together: the result has no lanes though an operand does."""
+    """The rule of `any_in_batch`: its result is uniform, although its operand is batched."""
     return [any_in_batch(jnp.any(values[0], -1))]
 
 
 def is_batched_rule(lanes, eqn, values, flags):
-    """Here is a batch, whatever the operand's numbers are."""
+    """The rule of `is_batched`: true, because its operand is batched."""
     return [jnp.ones((), bool)]
 
 

@@ -1,8 +1,8 @@
-"""Functions with a derivative of their own keep it.
+"""Batched calls of functions with custom derivatives, which keep their derivatives.
 
-The batched call gets a rule anew, by `with_jvp_rule` or `jax.custom_vjp`: the derivative that
-`jax.jvp` or `jax.vjp` finds for the original call, evaluated for all lanes.
-So nothing needs to be known about how the original rule is stored.
+The batched call gets a new rule, by `with_jvp_rule` or `jax.custom_vjp`: the derivative of the
+original call by `jax.jvp` or `jax.vjp`, evaluated for all lanes. So it does not matter how JAX
+stores the original rule.
 """
 
 import functools
@@ -28,7 +28,7 @@ def custom_call(lanes, eqn, values, flags):
 
 
 def linear_solve(lanes, eqn, values, flags):
-    """A solve whose derivatives are solves: each of its programs runs for all lanes."""
+    """A `custom_linear_solve`: each of its programs is batched."""
     form = forms.read(eqn)
     if form is None:
         return None
@@ -46,7 +46,7 @@ def linear_solve(lanes, eqn, values, flags):
 
 
 def with_jvp(lanes, eqn, flags, batched: Callable) -> Callable:
-    """`batched`, whose forward derivative is that of the equation."""
+    """`batched` with the forward derivative of the equation."""
     one_lane = jaxprs.rebind(eqn)
 
     def rule(primals, tangents):
@@ -67,7 +67,7 @@ def with_jvp(lanes, eqn, flags, batched: Callable) -> Callable:
 
 
 def with_vjp(lanes, eqn, flags, batched: Callable) -> Callable:
-    """`batched`, whose backward derivative is that of the equation."""
+    """`batched` with the backward derivative of the equation."""
     one_lane, count = jaxprs.rebind(eqn), len(eqn.outvars)
     smooth = [_is_smooth(v.aval) for v in eqn.invars]
     call = jax.custom_vjp(batched)
@@ -106,7 +106,7 @@ def with_vjp(lanes, eqn, flags, batched: Callable) -> Callable:
 
 @struct.dataclass
 class Residuals:
-    """What the backward pass needs: the leaves of the original's pullback, and its structure."""
+    """Residuals of the backward pass: the leaves of the original's pullback, and its structure."""
 
     leaves: list
     flags: tuple = struct.field(pytree_node=False)
@@ -114,7 +114,7 @@ class Residuals:
 
 
 def _restrict(f: Callable, xs, moving) -> tuple[Callable, list]:
-    """The function of its moving operands, and their values."""
+    """The function of the operands with `moving` only, and their values."""
 
     def partial(*some):
         rest = iter(some)
@@ -128,7 +128,7 @@ def _where(mask, items) -> list:
 
 
 def _is_smooth(x) -> bool:
-    """Has tangents other than zero; also false for the float0 cotangent of an integer."""
+    """Whether x may have nonzero tangents; false for integers and their float0 cotangents."""
     return jnp.issubdtype(x.dtype, jnp.inexact)
 
 

@@ -1,4 +1,4 @@
-"""Primitives with operands of one shape and a result of the same."""
+"""Elementwise primitives: operands and result have the same shape."""
 
 import itertools
 
@@ -10,14 +10,14 @@ from jaxsim.batching.registry import register
 
 
 def elementwise(lanes, eqn, values, flags):
-    """Same shapes in, the same shape out."""
+    """An elementwise primitive, with all operands broadcast to the shape with lanes."""
     shape = (*eqn.outvars[0].aval.shape, lanes.size)
     values = [broadcast_unless_scalar(v, f, shape) for v, f in zip(values, flags, strict=True)]
     return bind(eqn, *values)
 
 
 def add_any(lanes, eqn, values, flags):
-    """The sum of cotangents takes no scalars for arrays, but arrays that are not yet whole."""
+    """A sum of cotangents: operands are never scalars for arrays, but may be a `PaddedSum`."""
     shape = (*eqn.outvars[0].aval.shape, lanes.size)
     for x, y in itertools.permutations(zip(values, flags, strict=True)):
         if isinstance(x[0], PaddedSum):
@@ -26,7 +26,7 @@ def add_any(lanes, eqn, values, flags):
 
 
 def select_n(lanes, eqn, values, flags):
-    """Cases are of full shape; the selector is, too, or one scalar for all lanes."""
+    """A `select_n`: cases have the full shape; the selector has it, too, or is one scalar."""
     shape = (*eqn.outvars[0].aval.shape, lanes.size)
     which, *cases = values
     if flags[0] or jnp.ndim(which):
@@ -37,7 +37,7 @@ def select_n(lanes, eqn, values, flags):
 
 
 def clamp(lanes, eqn, values, flags):
-    """Bounds are scalars for all lanes, or of full shape."""
+    """A `clamp`: bounds are scalars for all lanes, or have the full shape."""
     shape = (*eqn.outvars[0].aval.shape, lanes.size)
     low, x, high = values
     if flags[0] or flags[2] or jnp.ndim(low) or jnp.ndim(high):
@@ -46,7 +46,7 @@ def clamp(lanes, eqn, values, flags):
 
 
 def bitcast(lanes, eqn, values, flags):
-    """Elementwise between types of one width; between others a minor axis comes or goes."""
+    """A bitcast: elementwise for types of equal width, else it adds or removes the last axis."""
     if eqn.invars[0].aval.ndim != eqn.outvars[0].aval.ndim:
         return None
     return bind(eqn, *values)

@@ -1,10 +1,10 @@
-"""Factors and triangular solves of small matrices, lanes last.
+"""Factorisations and triangular solves of small matrices, with lanes last.
 
-Cholesky factors and substitutions of a few rows are unrolled. With more of them XLA's fusion would
-compute columns again and again, so a CPU loops over columns, one fused update of (rows, lanes) at a
-time. A GPU would pay a kernel launch for each turn of these loops and keeps the library's batched
-routine. LU factors, whose rows change places, are loops. What is larger is left to `lapack`; the
-limits are in `jaxsim.arrays.tuning`.
+Cholesky factors and substitutions of a few rows are unrolled. For more rows XLA's fusion would
+recompute columns, so a CPU loops over columns, with one fused update of (rows, lanes) in each
+iteration. On a GPU each iteration would be a kernel launch, so it uses the library's batched
+routine. LU factors, which permute rows, are loops. Larger matrices are left to `lapack`; the limits
+are in `jaxsim.arrays.tuning`.
 """
 
 from collections.abc import Callable
@@ -21,9 +21,9 @@ from jaxsim.batching.registry import register
 
 
 def cholesky(lanes, eqn, values, flags):
-    """Lower factor; NaN throughout where the matrix is not positive definite.
+    """Lower Cholesky factor; NaN where the matrix is not positive definite.
 
-    Only the value is ours: the derivative remains that of the primitive.
+    Only the value is computed here; the derivative is that of the primitive.
     """
     aval = eqn.invars[0].aval
     rows = aval.shape[-1]
@@ -56,7 +56,7 @@ def factor_unrolled(a):
 
 
 def factor_loop(a):
-    """The same, one column at a time: a_j minus what the columns before it explain."""
+    """The factor of `a`, by a loop over columns."""
     rows = _row_numbers(a[0])
 
     def column(j, lower):
@@ -74,7 +74,7 @@ def factor_loop(a):
 
 
 def lu(lanes, eqn, values, flags):
-    """Factors with partial pivoting: L below the diagonal of U, the swaps, and the permutation."""
+    """LU factors with partial pivoting: L below the diagonal of U, pivots and permutation."""
     aval = eqn.invars[0].aval
     rows, columns = aval.shape[-2:]
     real = not jnp.issubdtype(aval.dtype, jnp.complexfloating)
@@ -88,9 +88,9 @@ def lu(lanes, eqn, values, flags):
 
 
 def factor_pivoted(a):
-    """`lax.linalg.lu` of one matrix (n, n), eliminating one column after the other.
+    """`lax.linalg.lu` of one matrix (n, n), by a loop over columns.
 
-    As in LAPACK, a column whose pivots are all zero is left as it is.
+    As in LAPACK, a column whose possible pivots are all zero is not changed.
     """
     rows = jnp.arange(len(a), dtype=jnp.int32)
 
@@ -109,7 +109,7 @@ def factor_pivoted(a):
 
 
 def _swap(x, j, here, there):
-    """Exchanges row j, which is here, with another one."""
+    """Exchange row j, whose mask is `here`, with the row whose mask is `there`."""
     here, there = (mask.reshape(-1, *[1] * (x.ndim - 1)) for mask in (here, there))
     this = lax.dynamic_index_in_dim(x, j)
     other = jnp.sum(jnp.where(there, x, 0), 0, keepdims=True, dtype=x.dtype)
@@ -117,7 +117,7 @@ def _swap(x, j, here, there):
 
 
 def triangular_solve(lanes, eqn, values, flags):
-    """Solves a x = b, or x a = b, brought to the form a x = b with the solved axis in front."""
+    """Solve a x = b, or x a = b, in the form a x = b with the solved axis in front."""
     a_type, b_type = (v.aval for v in eqn.invars)
     rows = a_type.shape[-1]
     columns = b_type.shape[-1] if eqn.params["left_side"] else b_type.shape[-2]
@@ -138,7 +138,7 @@ def _solve_small(p, a, b):
 
 
 def _solve_medium(eqn, lanes, flags, a, b):
-    """A linear solve to JAX, so that its derivatives are solves and no unrolled loops."""
+    """Solve by our loops, as a `custom_linear_solve`, so that its derivatives are solves, too."""
     p, on = eqn.params, [flags[0], True]
 
     def run(p, b):
@@ -170,14 +170,14 @@ def _solve_medium(eqn, lanes, flags, a, b):
 
 
 def _solve_large(lanes, eqn, values, flags):
-    """One matrix for all lanes is one call, with more columns."""
+    """Solve by the library; if all lanes share the matrix, in one call with more columns."""
     if not flags[0] and eqn.invars[0].aval.ndim == 2:
         return None
     return lapack.one_by_one(lanes, eqn, values, flags)
 
 
 def substitute_unrolled(a, lower: bool, b, unit: bool):
-    """Solves a x = b for triangular a (n, n, ..., 1, lanes) and b (n, ..., m, lanes)."""
+    """Solve a x = b for triangular a (n, n, ..., 1, lanes) and b (n, ..., m, lanes)."""
     x: dict = {}
     for j in range(len(a)) if lower else reversed(range(len(a))):
         rest = b[j]
@@ -188,7 +188,7 @@ def substitute_unrolled(a, lower: bool, b, unit: bool):
 
 
 def substitute_loop(a, column_axis: int, lower: bool, b, unit: bool):
-    """The same, eliminating one unknown after another from all remaining rows."""
+    """As `substitute_unrolled`, by a loop that eliminates one unknown from all remaining rows."""
     rows, n = _row_numbers(b), len(a)
 
     def eliminate(i, rest):
@@ -207,7 +207,7 @@ def substitute_loop(a, column_axis: int, lower: bool, b, unit: bool):
 def _triangle(p, a):
     """The matrix (n, n, ..., 1, lanes), the axis of its columns, and whether it is lower.
 
-    It is not moved: its columns run along axis 0 if it acts from the right or is transposed.
+    Axes are not moved: columns are along axis 0 if it acts from the right or is transposed.
     """
     flip = p["transpose_a"] == p["left_side"]
     a = jnp.expand_dims(jnp.moveaxis(a, (-3, -2), (0, 1)), -2)
@@ -215,7 +215,7 @@ def _triangle(p, a):
 
 
 def _orient(p, a):
-    """The same with the rows in front, and whether it is lower."""
+    """The matrix with rows in front, and whether it is lower."""
     a, column_axis, lower = _triangle(p, a)
     return (a if column_axis == 1 else jnp.swapaxes(a, 0, 1)), lower
 
@@ -233,7 +233,7 @@ def _row_numbers(x):
 
 
 def _batch_first(lanes, eqn, flags, parameters=None) -> Callable:
-    """The library's routine for all lanes."""
+    """The library's routine with the batch first."""
     axes = [-1 if f else None for f in flags]
     p = eqn.params if parameters is None else parameters
     routine = jaxprs.rebind(eqn.replace(params=p))

@@ -1,8 +1,8 @@
-"""Slices, gathers and scatters at indices that may differ from lane to lane.
+"""Slices, gathers and scatters with indices that may differ between lanes.
 
-With shared indices the lane axis is one more axis of every window. With indices of their own
-the lanes become a batching dimension of `gather` and `scatter`, in last place on both sides,
-so nothing is transposed but the (small) index array.
+If all lanes share the indices, the lane axis is one more axis of every window. Else the lanes are
+a batching dimension of `gather` and `scatter`, in the last position of operand and result, so that
+only the (small) index array is transposed.
 """
 
 import jax.numpy as jnp
@@ -43,12 +43,12 @@ def _gather(lanes, rank, values, flags, p, d):
         mode=p["mode"],
         fill_value=p["fill_value"],
     )
-    # Number by number as it is, it should not be done again for each use.
+    # A gather runs element by element, so XLA must not recompute it for each use.
     return fusion_barrier(found) if flags[1] else found
 
 
 def scatter(lanes, eqn, values, flags):
-    """`lax.scatter` and its kin: like gather, with a batched operand in any case."""
+    """`lax.scatter` and its variants: as `gather`, but the operand is always batched."""
     p, d = eqn.params, eqn.params["dimension_numbers"]
     operand, indices, updates = values
     operand, updates = lanes.broadcast(operand, flags[0]), lanes.broadcast(updates, flags[2])
@@ -68,13 +68,13 @@ def scatter(lanes, eqn, values, flags):
 
 
 def dynamic_slice(lanes, eqn, values, flags):
-    """One index for each axis; different ones for each lane make it a gather."""
+    """A `dynamic_slice`; with different indices for each lane it is a gather."""
     sizes = tuple(eqn.params["slice_sizes"])
     operand, *start = values
     if not _plain(eqn, values):
         return None
     if not any(flags[1:]):
-        # The primitive clips; `lax.dynamic_slice` would count from the end once more.
+        # Bind the primitive: `lax.dynamic_slice` would wrap negative indices a second time.
         options = {**eqn.params, "slice_sizes": (*sizes, lanes.size)}
         return [eqn.primitive.bind(operand, *_with_zero(start), **options)]
     indices = _stack(lanes, start, flags[1:])
@@ -91,7 +91,7 @@ def dynamic_slice(lanes, eqn, values, flags):
 
 
 def dynamic_update_slice(lanes, eqn, values, flags):
-    """With an index for each lane it is a scatter, clipped as the slice would be."""
+    """A `dynamic_update_slice`; with different indices for each lane it is a clipped scatter."""
     operand, update, *start = values
     if not _plain(eqn, values, 2):
         return None
@@ -115,7 +115,7 @@ def dynamic_update_slice(lanes, eqn, values, flags):
 
 
 def _plain(eqn, values, first: int = 1) -> bool:
-    """One index for each axis, no dynamic sizes."""
+    """Whether the equation has one index for each axis and no dynamic sizes."""
     return len(values) - first == eqn.invars[0].aval.ndim > 0
 
 

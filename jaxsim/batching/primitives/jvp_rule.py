@@ -1,9 +1,9 @@
-"""Functions with a forward derivative of their own, which they keep inside loops.
+"""Functions with a custom forward derivative, which they keep inside loops.
 
-`jax.custom_jvp` gives a function such a rule, but JAX drops it when it splits the body of a
-`lax.scan` into what is known before the backward pass and what is not, as every reverse mode does:
-the known part then holds the equations of the function's body, and a second derivative is that of
-the body. A primitive is split as a whole and takes its rule along.
+`jax.custom_jvp` also attaches such a rule. But for reverse mode JAX splits the body of a `lax.scan`
+into a known and an unknown part, and the known part then has the equations of the function's body
+without the rule, so that a second derivative is that of the body. A primitive is not split and
+keeps its rule.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,14 +21,15 @@ Rule = Callable[[Sequence, Sequence], tuple[Sequence, Sequence]]
 
 
 def with_jvp_rule(f: Callable, rule: Rule) -> Callable:
-    """The function `f` of arrays, which returns a list of arrays, with another forward derivative.
+    """Return `f`, a function of arrays to a list of arrays, with another forward derivative.
 
-    Where it is applied to tangents, its transpose is that of `f`. It costs nothing at run time.
+    If it is applied to tangents, its transpose is that of `f`. It costs nothing at run time.
 
     Args:
-      f: the function. It closes over no traced values.
-      rule: its derivative. For a second derivative the rule is differentiated, so what it needs of
-        the function's results it computes by a call of the function returned here.
+      f: the function; it must not close over traced values.
+      rule: its derivative, from primals and tangents to results and their tangents. For a second
+        derivative the rule is differentiated, so it must compute the function's results by
+        calling the function returned here.
     """
 
     def call(*xs):

@@ -1,10 +1,10 @@
-"""The routines of LAPACK, on a CPU with one matrix a call.
+"""LAPACK's routines, called on a CPU for one matrix at a time.
 
-With a batch in front, some releases of jaxlib (0.10.2 is one) divide it among the threads of the
-process and wait for them. Where several devices do so at once, all threads wait and none is left
-to work: the program hangs for ever. The thread that asks computes a single matrix itself. A loop of
-such calls takes about as long: for LU and two substitutions of 27 rows 6.0 us against 5.7 (128
-lanes, one core), of 12 rows 2.2 against 1.7.
+Some releases of jaxlib (such as 0.10.2) divide a batch among the threads of the process and wait
+for them. If several devices do so at once, all threads wait and the program hangs. A single matrix
+is computed by the calling thread. A loop of such calls takes about as long as a batched one: for LU
+and two substitutions of 27 rows 6.0 us against 5.7 (128 lanes, one core), of 12 rows 2.2 against
+1.7.
 """
 
 import jax
@@ -19,7 +19,7 @@ from jaxsim.batching.registry import register
 def one_by_one(lanes, eqn, values, flags):
     """One call for each matrix on a CPU, the batched routine elsewhere.
 
-    Only the value is ours: the derivative remains that of the primitive.
+    Only the value is computed here; the derivative is that of the primitive.
     """
     outer = eqn.invars[0].aval.ndim - (1 if eqn.primitive.name == "tridiagonal_solve" else 2)
     routine = jaxprs.rebind(eqn)

@@ -1,4 +1,4 @@
-"""Operands of rules, with the lane axis where a primitive wants it."""
+"""Operands of rules with the lane axis that a primitive needs."""
 
 from collections.abc import Sequence
 
@@ -7,9 +7,9 @@ from jax import lax
 
 
 def broadcast_unless_scalar(value, flag: bool, shape: Sequence[int]):
-    """Broadcast an operand to a full shape whose last axis is the batch.
+    """Broadcast an operand to a shape whose last axis is the batch.
 
-    Scalars stay scalars where no lane axis is at stake: primitives accept them.
+    Unbatched scalars stay scalars, which primitives accept.
     """
     rank = jnp.ndim(value)
     if (jnp.shape(value) == tuple(shape) and flag) or rank == 0:
@@ -19,7 +19,7 @@ def broadcast_unless_scalar(value, flag: bool, shape: Sequence[int]):
 
 
 def broadcast_full(value, flag: bool, shape: Sequence[int]):
-    """The same for primitives that want scalars broadcast, too."""
+    """Broadcast an operand to a shape whose last axis is the batch, scalars included."""
     value = broadcast_unless_scalar(value, flag, shape)
     full = jnp.ndim(value) == len(shape)
     axes = (len(shape) - 1,) if flag else ()
@@ -32,7 +32,7 @@ def all_full(lanes, values, flags) -> list:
 
 
 def bind(eqn, *values) -> list:
-    """The primitive itself, parameters unchanged."""
+    """The equation's primitive with its parameters, as a function of operands."""
     results = eqn.primitive.bind(*values, **eqn.params)
     return list(results) if eqn.primitive.multiple_results else [results]
 
@@ -43,11 +43,11 @@ def same_axes(lanes, eqn, values, flags):
 
 
 def all_as(lanes, values, flags, wanted) -> list:
-    """The values, with a lane axis where wanted: a loop batches what it carries all the way."""
+    """The values, those in `wanted` with a lane axis."""
     return [lanes.broadcast(v, f or not w) for v, f, w in zip(values, flags, wanted, strict=True)]
 
 
 def select_lanes(which, cases):
-    """Choose by lane: `which` has the lane axis only."""
+    """Select a case for each lane; `which` has only the lane axis."""
     which = lax.broadcast_in_dim(which, cases[0].shape, (cases[0].ndim - 1,))
     return lax.select_n(which, *cases)

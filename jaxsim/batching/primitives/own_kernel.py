@@ -1,10 +1,10 @@
-"""Where the fusion of XLA's compiler for CPUs ends.
+"""Fusion barriers for XLA's CPU compiler.
 
-It computes an operand again in every operation that it fuses with, which for a chain grows
-exponentially. A call that is not inlined is computed once; the optimisation barrier is no help, as
-it is removed before operations are fused. The compiler for GPUs weighs what it computes again
-against what it stores. There each such call would be a kernel more, or several, and they would take
-most of the time; so for other platforms nothing of this is part of the program.
+That compiler recomputes an operand in every operation with which it is fused; along a chain of
+operations, the cost grows exponentially. A call that is not inlined is computed once. An
+optimisation barrier does not help, because XLA removes it before fusion. XLA's GPU compiler
+compares the costs of recomputing and storing, and there every call would be an additional kernel.
+So these calls are part of programs for CPUs only.
 """
 
 import functools
@@ -23,12 +23,12 @@ from jaxsim.batching.registry import register
 
 
 def not_inlined():
-    """A context in which calls of compiled functions stay calls."""
+    """A context in which calls of compiled functions are not inlined."""
     return set_xla_metadata(inlineable="false")
 
 
 def fusion_barrier(x):
-    """The same `x`, computed before it is used."""
+    """Return x, computed once before its uses."""
     return own_kernel(_identity, x)
 
 
@@ -37,10 +37,10 @@ def _identity(x):
 
 
 def own_kernel(f: Callable, x, **options):
-    """`f(x, **options)`, which a CPU computes by itself, once for all uses.
+    """`f(x, **options)`, computed on a CPU by a separate kernel, once for all uses.
 
-    Its derivatives are those of f and no kernels of their own. `f` takes and returns one array, and
-    the options are hashable.
+    Its derivatives are those of f, without such kernels. `f` maps one array to one array, and the
+    options must be hashable.
     """
     kind: Any = jaxprs.element(x, None)
     if kind is x:  # it varies over the devices of a `jax.shard_map`, and is traced as it is
@@ -52,7 +52,7 @@ def own_kernel(f: Callable, x, **options):
 
 @functools.lru_cache(maxsize=1024)
 def _program(f: Callable, kind, options: tuple, mesh):
-    """The function's program; within `jax.shard_map` its types name the mesh, that of now."""
+    """The function's program; within `jax.shard_map`, its types contain the current mesh."""
     del mesh
     return jax.make_jaxpr(functools.partial(f, **dict(options)))(kind)
 
@@ -107,7 +107,7 @@ mlir.register_lowering(own_kernel_p, mlir.lower_fun(_call, multiple_results=Fals
 
 
 def barrier_rule(lanes, eqn, values, flags):
-    """A barrier that also works on a CPU."""
+    """The rule of `lax.optimization_barrier`, with fusion barriers on a CPU."""
     return [fusion_barrier(v) for v in all_full(lanes, values, flags)]
 
 

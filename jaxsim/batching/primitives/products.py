@@ -1,14 +1,13 @@
-"""Products of small arrays, lanes last: sums of elementwise multiply-adds.
+"""Products of small arrays with lanes last, as sums of elementwise multiply-adds.
 
-A 6x6 product for 256 lanes is six fused multiply-adds over arrays of shape (6, 6, 256), which
-XLA runs at full vector width; as `dot_general` it would be 256 tiny products with the batch in
-front. Where that ends to be faster is in
-`jaxsim.arrays.tuning`. With one operand shared by all lanes the batch is a free axis of one real
-matrix product.
+A 6x6 product for 256 lanes is six fused multiply-adds of arrays of shape (6, 6, 256), which XLA
+runs at full vector width. As a `dot_general` it would be 256 tiny products with the batch in front.
+`jaxsim.arrays.tuning` has the sizes up to which unrolling is faster. If all lanes share one
+operand, the batch is a free axis of one large matrix product.
 
-The product is a primitive of its own, `lane_contract`, lowered late. Its derivatives are then
-such products again, and not the transposes of unrolled sums, for grad(vmap(f)) as for
-vmap(grad(f)).
+The product is a primitive, `lane_contract`, which is unrolled when it is lowered. So its
+derivatives are such products, too, and not the transposes of unrolled sums, for grad(vmap(f)) as
+well as for vmap(grad(f)).
 """
 
 import functools
@@ -35,7 +34,7 @@ contract_p = jex.Primitive("lane_contract")
 
 
 def dot_general(lanes, eqn, values, flags):
-    """The equation as a labelled product, in which the lanes are one more label."""
+    """A `dot_general` as a product with labelled axes, in which lanes are one more label."""
     p = eqn.params
     dtypes = [v.aval.dtype for v in (*eqn.invars, *eqn.outvars)]
     if jaxprs.is_divided(p.get("out_sharding")) or not all(_is_wide(d) for d in dtypes):
@@ -51,7 +50,7 @@ def dot_general(lanes, eqn, values, flags):
 
 
 def nested(lanes, eqn, values, flags):
-    """The product of an inner `vmap`, with one more axis of lanes."""
+    """A product of an inner `vmap`, with one more axis of lanes."""
     left, right, out = eqn.params["labels"]
     lane = 1 + max((*left, *right))
     labels = left + (lane,) * flags[0], right + (lane,) * flags[1], (*out, lane)
@@ -59,13 +58,13 @@ def nested(lanes, eqn, values, flags):
 
 
 def contract(x, y, labels: Labels, precision: Any = None):
-    """Sum over all labels that are not in the result, as `einsum`; each is in both operands."""
+    """Sum over all labels that are not in the result, as `einsum`; both operands must have them."""
     x, y = jaxprs.match_varying(x, y)
     return contract_p.bind(x, y, labels=labels, precision=precision)
 
 
 def evaluate(x, y, *, labels: Labels, precision, call: bool = False):
-    """Unrolled where that is faster, if need be in two parts, else one `dot_general`."""
+    """The product, unrolled if that is faster, possibly in two halves, else one `dot_general`."""
     sizes = _sizes(x, y, labels)
     if not _unrolls(labels, sizes):
         parts = _halves(x, y, labels, sizes)
@@ -80,7 +79,7 @@ def evaluate(x, y, *, labels: Labels, precision, call: bool = False):
 
 
 def is_written_out(eqn) -> bool:
-    """Whether the product needs no `dot_general`."""
+    """Whether the product is unrolled without any `dot_general`."""
     labels = eqn.params["labels"]
     x, y = (v.aval for v in eqn.invars)
     sizes = _sizes(x, y, labels)
@@ -105,7 +104,7 @@ _unrolled_call = jax.jit(unrolled, static_argnames="labels")
 
 
 def _halves(x, y, labels: Labels, sizes):
-    """The operands cut in the middle of a sum, if both halves are then unrolled."""
+    """The operands divided in the middle of a sum, if both halves are then unrolled."""
     found = _middle(labels, sizes)
     if not found:
         return []
@@ -119,7 +118,7 @@ def _halves(x, y, labels: Labels, sizes):
 
 
 def _middle(labels: Labels, sizes) -> tuple[int, int] | None:
-    """The sum to cut and where, if both halves are then unrolled."""
+    """The label to divide and its middle, if both halves are then unrolled."""
     left, _, out = labels
     summed = [i for i in left if i not in out]
     if not summed or not _is_batched(labels):
@@ -131,7 +130,7 @@ def _middle(labels: Labels, sizes) -> tuple[int, int] | None:
 
 
 def _spread(value, labels: Sequence[int], at: dict[int, int], out: Sequence[int], shape):
-    """The slice of an operand at the contracted indices, its axes laid out as the result's."""
+    """The slice of an operand at the contracted indices, with axes in the result's order."""
     start = [at.get(i, 0) for i in labels]
     limit = [at[i] + 1 if i in at else n for i, n in zip(labels, value.shape, strict=True)]
     part = lax.squeeze(lax.slice(value, start, limit), [a for a, i in enumerate(labels) if i in at])
@@ -195,7 +194,7 @@ def _is_batched(labels: Labels) -> bool:
 
 
 def _is_wide(dtype) -> bool:
-    """Types summed as they are: not booleans, nor floats that want a wider accumulator."""
+    """Whether sums of this type need no wider accumulator; false for booleans."""
     if jnp.issubdtype(dtype, jnp.floating):
         return jnp.finfo(dtype).bits >= 32
     return jnp.issubdtype(dtype, jnp.number)
@@ -203,13 +202,13 @@ def _is_wide(dtype) -> bool:
 
 @functools.cache
 def _result_type(x, y, labels: Labels, precision):
-    """What `dot_general` would give, with all that JAX tracks about it."""
+    """Type of the result of the equivalent `dot_general`."""
     f = functools.partial(_matrix_product, labels=labels, precision=precision)
     return jaxprs.result_type(f, x, y)
 
 
 def _transpose(side: int, cotangent, x, y, *, labels: Labels, precision):
-    """The cotangent of one operand is a product of the result's with the other operand."""
+    """Cotangent of one operand: a product of the result's cotangent with the other operand."""
     kind, other = (x.aval, y) if side == 0 else (y.aval, x)
     back = labels[2], labels[1 - side], labels[side]
     return lax.convert_element_type(contract(cotangent, other, back, precision), kind.dtype)

@@ -1,6 +1,6 @@
-"""Reductions of axes of one lane, and what else names its axes from the front.
+"""Reductions, and other primitives whose parameters number axes from the front.
 
-A reduction of leading axes is not vectorised by XLA, so short ones are written out.
+XLA does not vectorise a reduction of leading axes, so short ones are unrolled.
 """
 
 import functools
@@ -20,7 +20,7 @@ from jaxsim.batching.registry import register
 
 
 def reduce_sum(lanes, eqn, values, flags):
-    """Integers have no derivative; complex numbers are left to the primitive."""
+    """A sum; unrolled for real numbers, with the derivative of a sum for floats."""
     if jnp.issubdtype(values[0].dtype, jnp.complexfloating):
         return same_axes(lanes, eqn, values, flags)
     whole = jnp.issubdtype(values[0].dtype, jnp.integer)
@@ -29,7 +29,7 @@ def reduce_sum(lanes, eqn, values, flags):
 
 
 def extremum(operator, lanes, eqn, values, flags):
-    """Only the value is ours: the derivative, which divides among equals, is the primitive's."""
+    """A maximum or minimum, with the primitive's derivative, which equal entries share."""
     combined = functools.partial(_combined, operator)
     if not jnp.issubdtype(values[0].dtype, jnp.inexact):
         return reduction(combined, lanes, eqn, values, flags)
@@ -38,7 +38,7 @@ def extremum(operator, lanes, eqn, values, flags):
 
 
 def reduction(combined, lanes, eqn, values, flags):
-    """Short ones are written out: a reduction of leading axes would not be vectorised."""
+    """A reduction by `combined` if it is short, else by the primitive."""
     axes = tuple(eqn.params["axes"])
     terms = math.prod(values[0].shape[a] for a in axes)
     if terms == 1:
@@ -49,15 +49,15 @@ def reduction(combined, lanes, eqn, values, flags):
 
 
 def _combined(operator, x, axes: tuple[int, ...]):
-    """All entries along some axes, of an operand that is computed first."""
+    """Combine all entries along some axes; the operand is computed before it, behind a barrier."""
     return own_kernel(_written_out, x, axes=axes, operator=operator)
 
 
 def _sum(x, axes: tuple[int, ...]):
-    """The same for sums, with a derivative."""
+    """A sum by `_combined`, with a derivative."""
 
     def rule(primals, tangents):
-        # The plain reduction: its transpose is a broadcast, that of slices would be many pads.
+        # The derivative uses the plain sum: its transpose is a broadcast, that of slices many pads.
         return [_sum(primals[0], axes)], [jnp.sum(tangents[0], axes)]
 
     return with_jvp_rule(lambda x: [_combined(lax.add, x, axes)], rule)(x)[0]
@@ -72,14 +72,14 @@ def _written_out(x, *, axes: tuple[int, ...], operator):
 
 
 def _runs(axes: Sequence[int]) -> list[tuple[int, int]]:
-    """First and last of the axes that follow each other."""
+    """First and last axis of each run of consecutive axes."""
     runs = itertools.groupby(enumerate(sorted(axes)), lambda place: place[1] - place[0])
     runs = [[axis for _, axis in run] for _, run in runs]
     return [(run[0], run[-1]) for run in runs]
 
 
 def _reduced(x, axis: int, operator):
-    """Reduction of an axis, kept with size one: eight parts of the axis at a time."""
+    """Reduce an axis to size one, `REDUCED_AT_ONCE` slices at a time."""
     size = x.shape[axis]
     if size == 1:
         return x
@@ -92,7 +92,7 @@ def _reduced(x, axis: int, operator):
 
 
 def _no_floats(eqn) -> bool:
-    """XLA gives sums and maxima of floats to a library, which no section can call."""
+    """Whether the operands are no floats; XLA calls a library for floats, as no section can."""
     return "float" not in eqn.invars[0].aval.dtype.name
 
 

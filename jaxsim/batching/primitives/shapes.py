@@ -1,4 +1,4 @@
-"""Primitives that move or repeat numbers: axes are named from the front, so the lanes stay last."""
+"""Primitives that move or repeat numbers: axes are numbered from the front, so lanes stay last."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -13,7 +13,7 @@ from jaxsim.batching.registry import register
 
 
 def broadcast_in_dim(lanes, eqn, values, flags):
-    """Appends the lane axis to the result and maps the operand's onto it."""
+    """A broadcast, with the lane axis appended to the result."""
     p = eqn.params
     shape, axes = tuple(p["shape"]), tuple(p["broadcast_dimensions"])
     if jaxprs.is_divided(p.get("sharding")) or len(values) > 1:
@@ -22,7 +22,7 @@ def broadcast_in_dim(lanes, eqn, values, flags):
 
 
 def reshape(lanes, eqn, values, flags):
-    """The lane axis is not touched."""
+    """A reshape, with the lane axis unchanged."""
     p = eqn.params
     if jaxprs.is_divided(p.get("sharding")) or p.get("dimensions") is not None or len(values) > 1:
         return None
@@ -30,13 +30,13 @@ def reshape(lanes, eqn, values, flags):
 
 
 def transpose(lanes, eqn, values, flags):
-    """The lane axis stays last."""
+    """A transpose, with the lane axis last."""
     order = tuple(eqn.params["permutation"])
     return [LazyTranspose(values[0], (*order, len(order)))]
 
 
 def slice_(lanes, eqn, values, flags):
-    """Every lane is kept."""
+    """A slice of the other axes; all lanes are kept."""
     p = eqn.params
     strides = p["strides"] and (*p["strides"], 1)
     start, limit = (*p["start_indices"], 0), (*p["limit_indices"], lanes.size)
@@ -44,7 +44,7 @@ def slice_(lanes, eqn, values, flags):
 
 
 def pad(lanes, eqn, values, flags):
-    """Zeros are added when it is known to what; with a value for each lane, select it."""
+    """A pad: lazy if by zeros; if the padding value is batched, it is selected."""
     x = lanes.broadcast(values[0], flags[0])
     config = (*eqn.params["padding_config"], (0, 0, 0))
     if _is_zero(eqn.invars[1]) and all(p >= 0 and q >= 0 and r == 0 for p, q, r in config):
@@ -62,7 +62,7 @@ def _is_zero(atom) -> bool:
 
 
 def stack(lanes, eqn, values, flags):
-    """The new axis is named from the front."""
+    """A stack, whose new axis is numbered from the front."""
     if "axis" not in eqn.params:
         return None
     return [jnp.stack(all_full(lanes, values, flags), axis=eqn.params["axis"])]

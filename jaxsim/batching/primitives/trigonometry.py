@@ -1,7 +1,7 @@
-"""Sine and cosine of float32 numbers, a processor's whole vector at a time.
+"""Vectorised sine and cosine of float32 numbers.
 
-XLA on a CPU asks the C library for one sine after the other: 17 ns each, where a vectorised
-polynomial takes 1 (one core with AVX-512), or an eighth of the humanoid's step.
+On a CPU, XLA calls the C library for each sine: 17 ns each, an eighth of the humanoid's step. A
+vectorised polynomial takes 1 ns (one core with AVX-512).
 """
 
 import functools
@@ -28,7 +28,7 @@ _COSINE = 0.041666646, -0.0013887367, 2.443838e-05
 def sin(x: jax.Array) -> jax.Array:
     """Sine of float32 numbers, with an error of at most 1e-7 for |x| < 1e5.
 
-    Larger arguments are off by up to their own rounding. Not finite ones give NaN.
+    For larger arguments the error is up to their rounding error. If x is not finite, it is NaN.
     """
     return _wave_with_slope(0, lax.sin, lambda x, t: t * cos(x))(x)[0]
 
@@ -39,7 +39,7 @@ def cos(x: jax.Array) -> jax.Array:
 
 
 def _wave_with_slope(shift: int, library: Callable, slope: Callable) -> Callable:
-    """The wave on a CPU and the library's elsewhere, with a derivative along a tangent."""
+    """The polynomial on a CPU, `library` on other platforms, and their derivative."""
 
     def f(x):
         return [lax.platform_dependent(x, cpu=functools.partial(_wave, shift), default=library)]
@@ -51,7 +51,7 @@ def _wave_with_slope(shift: int, library: Callable, slope: Callable) -> Callable
 
 
 def _wave(shift: int, x: jax.Array) -> jax.Array:
-    """The sine, `shift` quarters of a turn ahead."""
+    """The sine of `x + shift pi / 2`."""
     turns = lax.round(x * (1 / sum(_QUARTER_TURN)), lax.RoundingMethod.TO_NEAREST_EVEN)
     r = x
     for part in _QUARTER_TURN:
@@ -67,7 +67,7 @@ def _wave(shift: int, x: jax.Array) -> jax.Array:
 
 
 def wave(stand_in, lanes, eqn, values, flags):
-    """Sine or cosine; of float32 numbers by what stands in for it."""
+    """Sine or cosine; for float32 numbers by the function `stand_in`."""
     if values[0].dtype != jnp.float32 or eqn.params.get("accuracy") is not None:
         return elementwise(lanes, eqn, values, flags)
     return [stand_in(values[0])]

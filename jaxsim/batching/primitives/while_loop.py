@@ -1,4 +1,4 @@
-"""`while`, lanes last: it runs as long as any lane wants to, in the end with those lanes alone."""
+"""`while` with lanes last: it runs while any lane is active, in the end with these lanes only."""
 
 import dataclasses
 import functools
@@ -13,10 +13,10 @@ from jaxsim.batching.registry import register
 
 
 def while_(lanes, eqn, values, flags):
-    """Runs while any lane wants to; a lane that does not keeps its values.
+    """A `while` that runs while any lane is active; other lanes keep their values.
 
-    When few lanes are left the loop is compacted: they are gathered, and the rest of it costs what
-    they cost.
+    When few lanes are active, the loop is compacted: these lanes are gathered into a smaller batch
+    for the remaining iterations.
     """
     form = forms.read(eqn)
     if form is None:
@@ -43,7 +43,7 @@ def while_(lanes, eqn, values, flags):
 
 
 def _compacted_width(size: int, body: forms.Program) -> int:
-    """With how many of the lanes the loop goes on when no more are active; 0 if it does not pay."""
+    """Number of lanes of the compacted loop; 0 if compaction does not pay."""
     width = max(size // tuning.COMPACTION_DIVISOR, tuning.COMPACTION_MIN)
     is_long = jaxprs.length(body.jaxpr.eqns) >= tuning.COMPACTION_BODY
     return width if is_long and width * tuning.COMPACTION_GAIN <= size else 0
@@ -55,8 +55,8 @@ class _Loop:
 
     Attributes:
       form: the equation.
-      const_flags: which constants are batched, those of the condition first.
-      carry_flags: which carried values are batched.
+      const_flags: whether each constant is batched, those of the condition first.
+      carry_flags: whether each carried value is batched.
     """
 
     form: forms.While
@@ -64,25 +64,25 @@ class _Loop:
     carry_flags: divergence.Flags
 
     def wants(self, lanes, consts, carry):
-        """Whether to go on, for all lanes together or for each."""
+        """The condition, for all lanes together or for each lane."""
         count = self.form.num_cond_consts
         flags = [*self.const_flags[:count], *self.carry_flags]
         return lanes.evaluate(self.form.cond, [*consts[:count], *carry], flags)[0][0]
 
     def body(self, lanes, consts, carry):
-        """One turn of every lane."""
+        """One iteration of all lanes."""
         count = self.form.num_cond_consts
         flags = [*self.const_flags[count:], *self.carry_flags]
         return lanes.evaluate_as(self.form.body, [*consts[count:], *carry], flags, self.carry_flags)
 
     def run_together(self, lanes, consts, carry) -> list:
-        """All lanes stop at the same time."""
+        """Run a loop whose condition is the same for all lanes."""
         return lax.while_loop(
             lambda c: self.wants(lanes, consts, c), lambda c: self.body(lanes, consts, c), carry
         )
 
     def run(self, lanes, consts, carry, until: int):
-        """Until at most so many lanes want to go on; also returns which these are."""
+        """Run until at most `until` lanes are active; also returns a mask of these."""
 
         def step(state):
             active, carry = state
@@ -101,11 +101,11 @@ class _Loop:
 
 
 def _run_compacted(lanes, loop: _Loop, width: int, active, consts, carry) -> list:
-    """The rest of a loop in which at most `width` lanes are active, with only so many lanes."""
+    """The rest of a loop with at most `width` active lanes, as a loop over `width` lanes."""
     slot = jnp.where(active, jnp.cumsum(active) - 1, width)
     lane = lax.iota(slot.dtype, lanes.size)
-    # Slots that are left over repeat lane 0, and nobody looks at them. No scatter, which could
-    # not be part of a section.
+    # Unused slots repeat lane 0 and are ignored. Results are gathered, not scattered, because a
+    # scatter cannot be part of a section.
     here = slot[None, :] == jnp.arange(width, dtype=slot.dtype)[:, None]
     chosen = jnp.sum(jnp.where(here, lane[None, :], 0), axis=1, dtype=slot.dtype)
 
@@ -121,7 +121,7 @@ def _run_compacted(lanes, loop: _Loop, width: int, active, consts, carry) -> lis
 
 
 def _gather_lanes(x, index):
-    """Chosen lanes of x. With all other axes as one, XLA copies half as much."""
+    """Gather lanes of x. All other axes are merged, because XLA then copies half as much."""
     rows = x.reshape(-1, x.shape[-1])
     return jnp.take(rows, index, axis=1, mode="clip").reshape(*x.shape[:-1], len(index))
 
