@@ -5,7 +5,7 @@ import pathlib
 from typing import Any
 
 _NO_MATPLOTLIB = "drawing a plot needs matplotlib: pip install matplotlib"
-_STYLE = {
+_STYLE: Any = {
     "axes.grid": True,
     "axes.spines.right": False,
     "axes.spines.top": False,

@@ -71,7 +71,9 @@ def blocks(page: str) -> list[str]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", ["own_environment", "bridges"])
+@pytest.mark.parametrize(
+    "page", ["own_environment", "bridges", "quick_start", "coming_from", "how_to", "pictures"]
+)
 def test_examples_of_a_page_run(page):
     """All blocks in order, in a process of their own."""
     code = "\n".join(blocks(page))
