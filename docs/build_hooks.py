@@ -1,4 +1,4 @@
-"""What MkDocs does not do by itself: notebooks from beside this folder, one page for each package."""
+"""What MkDocs does not do by itself: notebooks from outside of here, pages of the reference."""
 
 import importlib.util
 import pathlib
