@@ -24,7 +24,8 @@ HEAD = """\
 <!-- Written by docs/generate_features.py from what the loaders know; change it there. -->
 
 Each row is one of MuJoCo {version}'s own constants. [What a model may ask for](support.md) says
-more about each; what a loader does not know is an error when the model is loaded, in jaxsim and in MJX.
+more about each; what a loader does not know is an error when the model is loaded, in jaxsim and
+in MJX.
 """
 # MuJoCo's enumeration, MJX's of the same, and what it is called here.
 TITLES = {
