@@ -88,7 +88,7 @@ def detect(
 def _evaluate(
     model: Any, group: PairGroup, shapes: Shape, count: int
 ) -> tuple[_Slots, Int[Array, ""] | int]:
-    """Contacts of `count` pairs of a group, and how many others might be in contact."""
+    """Contacts of `count` pairs of a group, and how many others there might be."""
     ids, lost = (group.geom1, group.geom2, group.pair), 0
     if count < len(group):
         # The selection of pairs has no derivative.
@@ -97,6 +97,9 @@ def _evaluate(
         ids = tuple(_take_ids(i, chosen) for i in ids)
     entry = PAIRS[group.types]
     contacts = _contacts(model, group, shapes, ids[:2])
+    if contacts.others is not None:
+        others, contacts = contacts.others, contacts.replace(others=None)
+        lost = lost + jnp.sum(others < contact_margin(model, *ids)[:, None])
     frame = jax.vmap(lambda c: c.frame)(contacts)
 
     def of_slots(x):

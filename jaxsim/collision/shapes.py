@@ -102,12 +102,15 @@ class Contacts:
       normal: (k, 3) unit normals, from the first shape to the second; (1, 3) if all are equal.
       tangent: (k, 3) or (1, 3) vectors; their projections on the tangent planes are along the
         first tangents.
+      others: (m,) distances of further contacts, for which the pair has no slots, large where
+        there are none; None if a pair always has enough slots.
     """
 
     dist: Float[Array, "k"]
     pos: Float[Array, "k 3"]
     normal: Float[Array, "#k 3"]
     tangent: Float[Array, "#k 3"]
+    others: Float[Array, "m"] | None = None
 
     @property
     def frame(self) -> Float[Array, "k 3 3"]:

@@ -60,3 +60,23 @@ def test_contacts_are_mujocos(geom, same_depth, rng, x64):
         else:
             assert (ours < expected + 1e-6).all()
     assert 10 < touched < 55
+
+
+def test_what_finds_no_slot_is_counted(x64):
+    """A box on more triangles than a pair has slots; a box beyond the cells that are tested."""
+    level = SCENE.format(heights=" ".join(["1"] * 63), geom='type="box" size=".23 .27 .1"')
+    mj = mujoco.MjModel.from_xml_string(level.replace("10 0 20", "0 0 0"))
+    model, data = jaxsim.load(mj), mujoco.MjData(mj)
+    candidates = model_candidates(model)
+    data.qpos[:3] = 0.03, 0.02, 0.19
+    mujoco.mj_fwdPosition(mj, data)
+    pos, mat = data.geom_xpos.copy(), data.geom_xmat.reshape(-1, 3, 3).copy()
+
+    def overflow(height, size):
+        raised = pos + height * np.array([[0, 0, 0], [0, 0, 1]])
+        return detect(model.replace(geom_size=size), candidates, raised, mat).overflow
+
+    count = quick_jit(overflow)
+    assert count(0.0, model.geom_size) == data.ncon - 8 > 0
+    assert count(0.1, model.geom_size) == 0
+    assert count(1.0, 3 * model.geom_size) > 0

@@ -2,7 +2,7 @@
 
 Each cell of the grid is split into two triangles, and each triangle with the ground below it is a
 prism, as in MuJoCo. A fixed number of prisms, enough for the bounding box of the solid, is tested,
-and the deepest contacts are kept.
+and the deepest contacts are kept. The others are counted as lost.
 """
 
 from collections.abc import Callable
@@ -10,7 +10,8 @@ from collections.abc import Callable
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jax import lax
+from jaxtyping import Array, Bool, Float
 
 from jaxsim.collision.convex import Polytope, Solid, convex_pair
 from jaxsim.collision.shapes import Contacts, HeightField, Hull, Shape
@@ -33,22 +34,26 @@ def height_field_pair(
     of_prism, _ = convex_pair(Prism, second)
 
     def pair(field: Shape, solid: Shape) -> Contacts:
-        corners = _prisms(field, second, solid)
+        corners, covered = _prisms(field, second, solid)
         found = jax.vmap(lambda c: of_prism(_prism(field, c), solid))(corners)
         single = [x[:, 0] for x in (found.dist, found.pos, found.normal, found.tangent)]
         left, chosen = found.dist[:, 0], []
         for _ in range(MAX_CONTACTS):
             chosen.append(one_hot(-left))
             left = jnp.where(chosen[-1], jnp.inf, left)
-        return Contacts(*(jnp.stack([pick(m, x) for m in chosen]) for x in single))
+        kept = (jnp.stack([pick(m, x) for m in chosen]) for x in single)
+        beyond = jnp.where(covered, jnp.inf, -jnp.inf).astype(left.dtype)
+        return Contacts(*kept, others=lax.stop_gradient(jnp.append(left, beyond)))
 
     return pair, MAX_CONTACTS
 
 
-def _prisms(shape: Shape, kind: type[Solid], solid: Shape) -> Float[Array, "p 6 3"]:
-    """Corners of the prisms below a solid, in the field's axes."""
+def _prisms(
+    shape: Shape, kind: type[Solid], solid: Shape
+) -> tuple[Float[Array, "p 6 3"], Bool[Array, ""]]:
+    """Corners of the prisms below a solid, in the field's axes, and whether these are all."""
     field = _field(shape)
-    first = _first_cell(field, shape, kind(solid))
+    first, covered = _first_cell(field, shape, kind(solid))
     at = [first[k] + jnp.arange(field.window + 1) for k in range(2)]
     height = field.heights[field.row, at[1][:, None], at[0][None]]
     x, y = (at[k] * field.step[k] - field.extent[k] for k in range(2))
@@ -57,7 +62,7 @@ def _prisms(shape: Shape, kind: type[Solid], solid: Shape) -> Float[Array, "p 6 
     triangles = jnp.stack([jnp.stack(t, axis=2) for t in ((a, b, d), (a, c, d))])
     top = triangles.reshape(-1, 3, 3)
     bottom = jnp.concatenate([top[..., :2], jnp.full_like(top[..., :1], -field.base)], axis=2)
-    return jnp.concatenate([top, bottom], axis=1)
+    return jnp.concatenate([top, bottom], axis=1), covered
 
 
 def _field(shape: Shape) -> HeightField:
@@ -67,16 +72,22 @@ def _field(shape: Shape) -> HeightField:
 
 
 def _first_cell(field: HeightField, shape: Shape, solid: Solid):
-    """Column and row of the first tested cell, at the lower corner of the solid's bounding box."""
+    """Column and row of the first tested cell, at the lower corner of the solid's bounding box.
+
+    Also whether the tested cells, whose number was fixed when the model was loaded, cover the box.
+    """
     rot = shape.mat.T @ solid.shape.mat
     centre = shape.mat.T @ (solid.shape.pos - shape.pos)
-    cells = []
+    cells, covered = [], jnp.ones((), bool)
     for k in range(2):
-        lowest = centre[k] + rot[k] @ solid.support(-rot[k])[0] - solid.radius
-        cell = jnp.floor((lowest + field.extent[k]) / field.step[k])
+        ends = [
+            centre[k] + rot[k] @ solid.support(s * rot[k])[0] + s * solid.radius for s in (-1, 1)
+        ]
+        low, high = (jnp.floor((x + field.extent[k]) / field.step[k]) for x in ends)
         last = field.count[k] - 1 - field.window
-        cells.append(jnp.clip(cell.astype(jnp.int32), 0, last))
-    return cells
+        cells.append(jnp.clip(low.astype(jnp.int32), 0, last))
+        covered = covered & (jnp.minimum(high, field.count[k] - 2) < cells[-1] + field.window)
+    return cells, covered
 
 
 def _prism(field: Shape, corners: Float[Array, "6 3"]) -> Shape:
