@@ -18,6 +18,7 @@ PACKAGES = (
     "jaxsim.envs.bridges",
     "jaxsim.rl",
     "jaxsim.gradients",
+    "jaxsim.sysid",
     "jaxsim.trajopt",
     "jaxsim.viz",
     "jaxsim.spatial",

@@ -39,7 +39,7 @@ model.set_const = set_const  # the name of `jaxsim.set_const` in earlier version
 
 def __getattr__(name: str):
     """Import the packages above the engine when they are first used."""
-    if name in ("envs", "gradients", "rl", "trajopt", "viz"):
+    if name in ("envs", "gradients", "rl", "sysid", "trajopt", "viz"):
         return importlib.import_module(f"jaxsim.{name}")
     raise AttributeError(f"module 'jaxsim' has no attribute {name!r}")
 

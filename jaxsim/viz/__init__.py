@@ -2,6 +2,7 @@
 
 from jaxsim.viz.curves import plot_learning
 from jaxsim.viz.filming import film
+from jaxsim.viz.fits import plot_fit
 from jaxsim.viz.frames import Frames
 from jaxsim.viz.page import Page, html
 from jaxsim.viz.picture import Picture
@@ -17,6 +18,7 @@ __all__ = [
     "load_trajectory",
     "plot_contact_forces",
     "plot_energy",
+    "plot_fit",
     "plot_gradient",
     "plot_learning",
     "plot_trajectory",
