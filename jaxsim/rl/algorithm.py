@@ -1,4 +1,4 @@
-"""What a trainer hands to the driver: functions for one device."""
+"""`Algorithm`: the interface of trainers, functions for one device."""
 
 import abc
 from typing import Any, ClassVar
@@ -20,8 +20,8 @@ Metrics = dict[str, Any]
 class Algorithm(abc.ABC):
     """A trainer; `jaxsim.rl.programs` compiles it for all devices, `jaxsim.rl.driver` runs it.
 
-    Inside `start` and `epoch` the axis `jaxsim.parallel.devices.AXIS` is bound; the learner must
-    come out the same on all devices, so gradients, statistics and metrics are averaged along it. A
+    Inside `start` and `epoch` the axis `jaxsim.parallel.devices.AXIS` is bound. The learner must
+    be the same on all devices, so gradients, statistics and metrics are averaged along this axis. A
     learner is a record with at least `obs`, the statistics of the observations, a `key`, and
     `epoch`, the number of epochs so far.
 
@@ -44,10 +44,10 @@ class Algorithm(abc.ABC):
 
     @abc.abstractmethod
     def init(self, key) -> Any:
-        """What is learnt, before training; runs once for all devices."""
+        """The learner before training; runs once for all devices."""
 
     def start(self, learner: Any, keys) -> Any:
-        """What acts: one environment of this device for each key."""
+        """The actors: one environment of this device for each key."""
         return start_actors(self.env, keys)
 
     @abc.abstractmethod
@@ -65,32 +65,32 @@ class Algorithm(abc.ABC):
         """The present policy."""
 
     def statistics(self, learner: Any) -> RunningStatistics | None:
-        """What observations are normalised by; None for nothing."""
+        """Statistics by which observations are normalised; None for no normalisation."""
         return learner.obs if self.config.normalize_obs else None
 
     def normalize(self, learner: Any, obs: Float[Array, "*batch n"]) -> Float[Array, "*batch n"]:
-        """Observations as the networks see them."""
+        """Observations in the form that the networks take."""
         statistics = self.statistics(learner)
         return obs if statistics is None else statistics.normalize(obs)
 
     def end_epoch(self, learner: Any, obs: Float[Array, "T n obs"], key) -> Any:
-        """Include the observations of an epoch in the statistics, and count it.
+        """Include the observations of an epoch in the statistics, and count the epoch.
 
-        Not before the end of an epoch: all of it must see one normalisation.
+        Call it at the end of an epoch, because all of it must use the same normalisation.
         """
         seen = learner.obs.update(obs.reshape(-1, obs.shape[-1]), AXIS)
         return learner.replace(obs=seen, key=key, epoch=learner.epoch + 1)
 
     def remaining(self, learner: Any) -> Float[Array, ""]:
-        """The part of the training that is still to come, from 1 to 0."""
+        """The fraction of the training that remains, from 1 to 0."""
         epochs = max(1, self.config.total_steps // self.steps_per_epoch)
         return jnp.clip(1 - learner.epoch / epochs, 0.0, 1.0)
 
     def check_divides(self, name: str, value: int) -> None:
-        """A number that the devices share.
+        """Check that a number can be divided among the devices.
 
         Raises:
-          ConfigError: they cannot share it evenly.
+          ConfigError: it is not a multiple of their number.
         """
         if value % self.devices:
             raise ConfigError(

@@ -1,11 +1,11 @@
 """Analytic policy gradient: the gradient of the return itself, through truncated rollouts.
 
 One epoch: every environment takes `unroll` steps with the present policy; the gradient of the
-discounted rewards flows back through policy and physics into the policy's parameters, and Adam
-takes one step. No value function is learnt, so the policy sees as far as the gradient does: it is
-cut every `horizon` steps, for beyond some length it explodes (Metz et al. 2021, "Gradients are not
-all you need"). All of it is one compiled program, in which each device works on its own
-environments and gradients are averaged.
+discounted rewards with respect to the policy's parameters flows back through policy and physics,
+and Adam takes one step. There is no value function. The gradient is truncated every `horizon`
+steps, because it explodes for long horizons (Metz et al. 2021, "Gradients are not all you need").
+All of this is one compiled program, in which each device works on its own environments and
+gradients are averaged.
 """
 
 import dataclasses
@@ -46,8 +46,8 @@ class Config(TrainConfig):
     Attributes:
       unroll: steps of each environment for one step of the policy.
       horizon: steps through which gradients flow; divides `unroll`.
-      episode_steps: training cuts episodes after this many steps, so that starts are seen more
-        often. None for the length that the task has.
+      episode_steps: length at which training truncates episodes, so that starts are seen more
+        often. None for the length of the task.
       discount: factor per step of the return, within a horizon.
       learning_rate: step size of Adam at the start; decreases to zero.
       momentum: Adam's averaging of gradients and of their squares.
@@ -55,7 +55,7 @@ class Config(TrainConfig):
       max_step_gradient: longer gradients of one environment with respect to the state and
         action of one step are scaled down to this norm.
       normalize_obs: subtract the running mean of the observations, divide by their deviation.
-      entropy: worth of a nat of the policy's entropy in each step.
+      entropy: reward for a nat of the policy's entropy in each step.
       policy: network of the policy.
     """
 
@@ -75,7 +75,7 @@ class Config(TrainConfig):
 
 @struct.dataclass
 class Learner:
-    """What is learnt; the same on all devices.
+    """The learner, the same on all devices.
 
     Attributes:
       params: parameters of the policy.
@@ -93,7 +93,7 @@ class Learner:
 
 
 class APG(Algorithm):
-    """The algorithm on an environment (with `AutoReset`), its part on one of the devices."""
+    """The algorithm on an environment (with `AutoReset`), for one of the devices."""
 
     Config = Config
 
@@ -123,7 +123,7 @@ class APG(Algorithm):
         )
 
     def start(self, learner: Learner, keys) -> Actors:
-        """Reset one environment for each key, and spread the ends of their episodes."""
+        """Reset one environment for each key, with first episodes of different lengths."""
         return spread_episodes(super().start(learner, keys), keys, self.config.episode_steps)
 
     def policy(self, learner: Learner) -> Policy:
@@ -151,7 +151,7 @@ class APG(Algorithm):
         return learner, actors, {**episodes.metrics(), **losses}
 
     def loss(self, params, learner: Learner, actors: Actors, key):
-        """Minus the mean objective of this device's environments, and what was seen."""
+        """Minus the mean objective of this device's environments, and their experience."""
         policy = self.policy(learner.replace(params=params))
 
         def act(obs, key):
@@ -165,7 +165,7 @@ class APG(Algorithm):
                 seen.terminated | seen.truncated,
                 self.config.discount,
             ).mean()
-            # Here the gradient is cut: the next window takes the state as it is.
+            # Truncate the gradient: the next window starts from the state as a constant.
             return lax.stop_gradient(actors), (objective, lax.stop_gradient((seen.obs, episodes)))
 
         keys = jax.random.split(key, self.config.unroll // self.config.horizon)

@@ -11,7 +11,7 @@ from jaxsim.rl.metrics import Row
 
 
 class Bar:
-    """A line on standard error: what is being done, then reward, steps per second, time left."""
+    """A progress bar on standard error, with reward, steps per second and remaining time."""
 
     def __init__(self, title: str):
         """Show the title."""
@@ -33,11 +33,11 @@ class Bar:
         self._progress.start()
 
     def compiling(self) -> None:
-        """Say what takes the time before the first step."""
+        """Show that programs are being compiled."""
         self._progress.update(self._task, description=f"{self._title}: compiling")
 
     def training(self, total_steps: int, done: int) -> None:
-        """Show how far training is."""
+        """Show the progress of the training."""
         self._progress.reset(self._task, description=self._title, total=total_steps, completed=done)
         self._show(done, "-")
 
@@ -54,7 +54,7 @@ class Bar:
         self._show(row["steps"], f"{self._rate.update(row['steps']):,.0f}")
 
     def finish(self) -> None:
-        """Fill the bar: nothing is left to do, even if the target was reached early."""
+        """Fill the bar, even if the target was reached early."""
         self._progress.update(self._task, total=self._progress.tasks[0].completed)
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Checkpoints of a whole training: what comes after a resume is bit-identical to not stopping."""
+"""Checkpoints of a whole training, from which it continues bit by bit as without interruption."""
 
 import pathlib
 import warnings
@@ -16,21 +16,20 @@ KEPT = 2  # the newest ones
 
 
 class Checkpoints:
-    """The checkpoints in the directory of a run; the newest ones are kept.
+    """The checkpoints in the directory of a run, of which the newest are kept.
 
-    What cannot be read, or is not what was written, is passed over for an older checkpoint, with
-    a warning.
+    If a checkpoint cannot be read or is damaged, an older one is used, with a warning.
 
     Attributes:
-      directory: of the run; arrays are in its "checkpoints".
+      directory: directory of the run; checkpoints are in its folder "checkpoints".
     """
 
     def __init__(self, directory: str | pathlib.Path, read_only: bool = False):
-        """Look at a directory, which exists.
+        """Open the checkpoints in an existing directory.
 
         Args:
-          directory: of the run.
-          read_only: change nothing in it.
+          directory: directory of the run.
+          read_only: whether to change nothing in it.
         """
         self.directory = pathlib.Path(directory).resolve()
         self._folder = self.directory / FOLDER
@@ -49,8 +48,8 @@ class Checkpoints:
 
         Args:
           steps: environment steps so far, the name of the checkpoint.
-          training: everything that training carries on with.
-          policy: the present policy, also inside `training`, on its own for those who only play.
+          training: the state of the training.
+          policy: the policy, which is also in `training`; stored separately for playing.
           progress: JSON-like numbers, such as the seconds so far.
 
         Raises:
@@ -86,10 +85,10 @@ class Checkpoints:
           training: a tree of arrays or `jax.ShapeDtypeStruct`s with the wanted shardings.
 
         Returns:
-          Its steps, the state and its progress.
+          The steps, the state of the training, and the progress.
 
         Raises:
-          CheckpointError: there is none, or none fits.
+          CheckpointError: there is no checkpoint that fits.
         """
         step, restored, progress = self._newest("training", training)
         for newer in self.steps():
@@ -102,7 +101,7 @@ class Checkpoints:
         return self._newest("policy", policy)[1]
 
     def close(self) -> None:
-        """Finish what is being written."""
+        """Wait until everything is written."""
         self._manager.close()
 
     def _newest(self, name: str, like: Any) -> tuple[int, Any, dict[str, Any]]:
@@ -136,7 +135,7 @@ def _shapes(leaves: dict[str, Any]) -> dict[str, list[int]]:
 
 
 def _check_shapes(stored: dict[str, list[int]], wanted: dict[str, list[int]]) -> None:
-    """Raise what tells a checkpoint of something else, which orbax would fit by force."""
+    """Raise a ValueError if shapes or types differ, which orbax would convert."""
     for name in sorted(stored.keys() | wanted.keys()):
         have, want = stored.get(name), wanted.get(name)
         if have != want:
@@ -147,12 +146,12 @@ def _check_shapes(stored: dict[str, list[int]], wanted: dict[str, list[int]]) ->
 
 
 def _reason(error: Exception) -> str:
-    """The first line of an error, which orbax makes many of."""
+    """The first line of an error; those of orbax have many."""
     return next(iter(str(error).splitlines()), "")[:200] or type(error).__name__
 
 
 def _pack(tree: Any) -> dict[str, Any]:
-    """The leaves by name, as orbax takes them: no empty arrays, random keys as integers."""
+    """The leaves by name, in a form for orbax: no empty arrays, random keys as integers."""
     leaves = {jax.tree_util.keystr(path): x for path, x in jax.tree.leaves_with_path(tree)}
     return {name: _plain(x) for name, x in leaves.items() if x.size}
 

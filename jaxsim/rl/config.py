@@ -1,8 +1,7 @@
 """Settings of trainers: frozen dataclasses, filled from YAML files and from `key=value` pairs.
 
-A record of settings checks itself when it is made. A key that does not exist is an error that
-names its neighbours, a value that makes no sense one that says what would; all of them are told at
-once, and nothing is ignored in silence.
+A record of settings is checked when it is made. An unknown key is an error that lists similar keys,
+and an invalid value is an error that says which values are valid. All errors are reported at once.
 """
 
 import dataclasses
@@ -25,7 +24,7 @@ T = TypeVar("T")
 
 
 class _Loader(yaml.SafeLoader):
-    """Plain YAML, in which 1e6 is a number; its version 1.1 takes it for text."""
+    """A YAML loader that reads 1e6 as a number, not as text as in YAML 1.1."""
 
 
 _Loader.add_implicit_resolver(
@@ -38,10 +37,10 @@ class Settings:
     """A record whose values are checked against the types of their fields, ranges included."""
 
     def __post_init__(self) -> None:
-        """Check all values; numbers become those of their types.
+        """Check all values, and convert numbers to the types of their fields.
 
         Raises:
-          ConfigError: some make no sense.
+          ConfigError: some values are invalid.
         """
         given = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         for name, value in _fitted(type(self), given, "").items():
@@ -63,16 +62,16 @@ class NetworkConfig(Settings):
 
 @dataclasses.dataclass(frozen=True)
 class TrainConfig(Settings):
-    """What all trainers have in common.
+    """Settings that all trainers share.
 
     Attributes:
       total_steps: environment steps of the whole training, in all environments together.
-      envs: environments that are simulated at the same time, on all devices together.
-      evaluations: how often the deterministic policy is evaluated, evenly spread; the last one
+      envs: number of environments that are simulated in parallel, on all devices together.
+      evaluations: number of evaluations of the deterministic policy, evenly spaced; the last one
         is at the end.
-      evaluation_episodes: episodes of one evaluation.
+      evaluation_episodes: number of episodes of one evaluation.
       evaluation_steps: longest episode of an evaluation, for tasks without a time limit.
-      target: stop as soon as an evaluation returns at least this.
+      target: mean return of an evaluation at which training stops; None for no target.
       env_options: options of the environment, as for `jaxsim.envs.make`.
     """
 
@@ -138,7 +137,7 @@ def override(config: T, assignments: Iterable[str]) -> T:
 
 
 def _assign(tree: dict[str, Any], path: list[str], value: Any) -> None:
-    """Set an entry of nested mappings; what is in the way, and is none, gives way."""
+    """Set an entry of nested mappings; values on the path that are no mappings are replaced."""
     *folders, last = path
     for name in folders:
         if not isinstance(tree.get(name), dict):
@@ -165,10 +164,10 @@ def read(path: pathlib.Path | Traversable) -> dict[str, Any]:
 
 
 def find(algorithm: str, env: str) -> Traversable | None:
-    """The tuned settings that come with jaxsim, if there are any.
+    """Path of the tuned settings that come with jaxsim, if there are any.
 
-    They are `configs/<algorithm>/<env>.yaml`, inside the package when it was installed from a
-    wheel and beside it in a clone of the repository.
+    It is `configs/<algorithm>/<env>.yaml`, inside the package if it was installed from a wheel, or
+    next to it in a clone of the repository.
     """
     package = importlib.resources.files("jaxsim")
     folders = [package / "configs"]
@@ -180,7 +179,7 @@ def find(algorithm: str, env: str) -> Traversable | None:
 
 
 def plain(config: Any) -> Any:
-    """Settings as what YAML can say; `build` reads it back."""
+    """Settings as values that YAML can represent, from which `build` makes the same record."""
     if dataclasses.is_dataclass(config) and not isinstance(config, type):
         fields = dataclasses.fields(config)
         return {field.name: plain(getattr(config, field.name)) for field in fields}
@@ -190,7 +189,7 @@ def plain(config: Any) -> Any:
 
 
 def unknown(kind: str, path: str, key: str, known: Iterable[str]) -> str:
-    """The message for a name that does not exist, with those it may have meant."""
+    """The message for an unknown name, with similar names."""
     known = sorted(known)
     near = difflib.get_close_matches(key, known, n=3, cutoff=0.5)
     hint = f"did you mean {' or '.join(near)}?" if near else f"known are {', '.join(known)}"
@@ -205,16 +204,16 @@ def _kinds(cls: type) -> dict[str, Any]:
 
 
 def _fitted(cls: type, values: Mapping[str, Any], where: str, now: Any = None) -> dict[str, Any]:
-    """Values as the types of their fields.
+    """The values converted to the types of their fields.
 
     Args:
-      cls: the record.
-      values: what is to be in it; records in it may be mappings.
+      cls: class of the record.
+      values: values of its fields; records may be given as mappings.
       where: name of the record in error messages.
-      now: where a nested mapping takes its missing values from.
+      now: record that supplies the missing values of nested mappings.
 
     Raises:
-      ConfigError: everything that is wrong.
+      ConfigError: some values are invalid; it lists all of them.
     """
     kinds, fitted, problems = _kinds(cls), {}, []
     for key, value in values.items():

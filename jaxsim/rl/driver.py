@@ -43,16 +43,16 @@ __all__ = [
 
 @dataclasses.dataclass(frozen=True)
 class Result:
-    """What a training leaves.
+    """The result of a training.
 
     Attributes:
       policy: the trained policy; `policy(obs)` is its deterministic action.
       history: one row of numbers for each epoch: "steps", "seconds" since the call of `train`
-        (compilation included), "episode_return", and "eval_return" where it was evaluated.
-      training: everything that training would carry on with.
+        (with compilation), "episode_return", and "eval_return" if it was evaluated.
+      training: the state from which training could continue.
       interrupted: whether a signal ended it early.
-      finished: whether the run to be resumed had come to its end, so that nothing was done.
-      directory: where logs and checkpoints are, if any were asked for.
+      finished: whether the resumed run had already ended, so that nothing was done.
+      directory: directory of logs and checkpoints; None if nothing was written.
     """
 
     policy: Policy
@@ -83,8 +83,8 @@ def train(
 ) -> Result:
     """Train a policy on all devices.
 
-    An interrupt (Ctrl-C) ends training after the present epoch, with everything saved; a second
-    one ends it at once.
+    An interrupt (Ctrl-C) ends training after the current epoch, with a checkpoint; a second one
+    ends it at once.
 
     Args:
       env: name of an environment, "module:Class", or an environment (without `AutoReset`).
@@ -92,20 +92,20 @@ def train(
       settings: a `Config` of the algorithm, a mapping or a YAML file with some of its fields; by
         default the tuned settings that come with jaxsim, where there are any.
       overrides: assignments such as `policy.hidden=[128,128]` on top of them.
-      seed: of everything random.
-      directory: where to write logs and checkpoints; nothing is written by default.
-      resume: carry on from the newest checkpoint in `directory`, if there is one.
-      progress: show a progress bar.
+      seed: seed of all random numbers.
+      directory: directory for logs and checkpoints; None to write nothing.
+      resume: whether to continue from the newest checkpoint in `directory`, if there is one.
+      progress: whether to show a progress bar.
       mesh: the devices to use; all by default.
       watch: called with the policy after each epoch.
 
     Returns:
-      The policy and how it came about.
+      The policy and the history of the training.
 
     Raises:
-      ConfigError: a setting, an environment or an algorithm does not exist or makes no sense.
-      CheckpointError: the directory cannot be written to, is in use, or holds a run already while
-        `resume` is not set; or what is to be resumed is damaged, or another run.
+      ConfigError: a setting, an environment or an algorithm is unknown or invalid.
+      CheckpointError: the directory cannot be written to, is in use, or already contains a run
+        while `resume` is false; or the run to resume is damaged, or a different one.
     """
     run = _Run(env, algorithm, resolve(env, algorithm, settings, overrides), seed, mesh)
     run.watch = watch
@@ -136,7 +136,7 @@ def resolve(
 
 
 class _Run:
-    """One training: what it is about, how far it is, and where its results go."""
+    """One training: its settings, its progress and its outputs."""
 
     def __init__(self, env, algorithm, settings: config.TrainConfig, seed: int, mesh: Mesh | None):
         self.started = time.perf_counter()
@@ -190,7 +190,7 @@ class _Run:
         return bar
 
     def _open(self, stack, folder: pathlib.Path | None, resume: bool) -> Checkpoints | None:
-        """The checkpoints in the directory, which then is ours until the end."""
+        """Open the checkpoints in the directory and lock it until the end."""
         if folder is None:
             return None
         if distributed.is_main():
@@ -201,7 +201,7 @@ class _Run:
         return store
 
     def _restore(self, store: Checkpoints | None, template: Training) -> tuple[Any, bool]:
-        """The newest training, None for a new one; and whether nothing is left to do."""
+        """The newest stored training, or None, and whether it has already ended."""
         if store is None or store.latest() is None:
             return None, False
         self.steps, training, progress = store.restore(template)
@@ -211,7 +211,7 @@ class _Run:
         return training, reached or self.steps >= self.settings.total_steps
 
     def _record(self, store: Checkpoints, template: Training) -> None:
-        """Write what the run is about, if there is room for what will follow."""
+        """Write "run.yaml", after checking that there is space for the checkpoints."""
         if distributed.is_main():
             missing = KEPT + 1 - min(KEPT, len(store.steps()))
             size = sum(x.size * x.dtype.itemsize for x in jax.tree.leaves(template))
@@ -219,7 +219,7 @@ class _Run:
             directory.write_run(store.directory, self.record)
 
     def _logs(self, stack, folder: pathlib.Path | None) -> list[Any]:
-        """Where rows go; only one process writes."""
+        """The logs; only one process writes them."""
         if folder is None or not distributed.is_main():
             return []
         with directory.writing(folder):
@@ -254,7 +254,7 @@ class _Run:
                 output.write(row)
 
     def _advance(self) -> bool:
-        """Count an epoch; whether an evaluation is due."""
+        """Count an epoch; return whether an evaluation is due."""
         total, evaluations = self.settings.total_steps, self.settings.evaluations
         before, self.steps = self.steps, self.steps + self.algorithm.steps_per_epoch
         slot = lambda steps: min(steps, total) * evaluations // total  # noqa: E731

@@ -4,10 +4,10 @@ from jaxsim.model import JaxsimError
 
 
 class ConfigError(JaxsimError, ValueError):
-    """Settings that do not exist or make no sense."""
+    """Settings that are unknown or invalid."""
 
     summary = "{} settings are wrong"
 
 
 class CheckpointError(JaxsimError, ValueError):
-    """The directory of a run that cannot be written to, or lacks what is to be read from it."""
+    """The directory of a run cannot be written to, or does not contain what is to be read."""

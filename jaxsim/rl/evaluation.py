@@ -1,4 +1,4 @@
-"""Evaluation: whole episodes of a deterministic policy, from fresh starts to their ends."""
+"""Evaluation: whole episodes of a deterministic policy, from new starts to their ends."""
 
 from typing import Any
 

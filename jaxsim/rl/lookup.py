@@ -1,4 +1,4 @@
-"""Algorithms and environments by name, checked before anything is traced."""
+"""Look-up of algorithms and environments by name, before anything is traced."""
 
 from typing import Any
 
@@ -33,18 +33,18 @@ def algorithm_class(algorithm: str | type[Algorithm]) -> type[Any]:
 
 
 def algorithm_name(algorithm: str | type[Algorithm]) -> str:
-    """What `algorithm_class` finds it by, from another process too."""
+    """The name by which `algorithm_class` finds it, also in another process."""
     if isinstance(algorithm, type):
         return f"{algorithm.__module__}:{algorithm.__qualname__}"
     return algorithm
 
 
 def make_env(env: str | envs.Env, settings: TrainConfig) -> envs.Env:
-    """The environment to evaluate in: a given one, or one of this name with the options set.
+    """The environment for evaluation: the given one, or one made by name with the options set.
 
     Raises:
-      ConfigError: there is no such environment, it has no such option, or it is not one
-        environment that can be trained in.
+      ConfigError: there is no such environment, it has no such option, or it cannot be used for
+        training.
     """
     if not isinstance(env, str):
         return _checked(env)

@@ -1,4 +1,4 @@
-"""What a training tells, in rows of numbers: JSON lines and TensorBoard."""
+"""Logs of a training: rows of numbers as JSON lines and for TensorBoard."""
 
 import json
 import math
@@ -11,18 +11,19 @@ ROWS = "metrics.jsonl"
 
 
 class Logs:
-    """Writes rows of numbers to "metrics.jsonl" and, where tensorboardX is installed, for it.
+    """Logs that write rows of numbers to "metrics.jsonl" and, if installed, by tensorboardX.
 
     Attributes:
       path: the file of JSON lines.
     """
 
     def __init__(self, directory: pathlib.Path, steps: int = 0):
-        """Go on in a directory.
+        """Open the logs in a directory.
 
         Args:
-          directory: of the run, which exists.
-          steps: where training goes on; rows after it are of work that is done again.
+          directory: existing directory of the run.
+          steps: steps at which training continues; later rows are removed, as they will be
+            repeated.
         """
         self.path = directory / ROWS
         if self.path.exists():
@@ -49,8 +50,8 @@ class Logs:
 def read(path: str | pathlib.Path) -> list[Row]:
     """The rows of a file of JSON lines; null becomes NaN.
 
-    A line that a crash has cut is left out. What a run did again after a crash replaces what it did
-    before: a row replaces all earlier ones of as many steps or more.
+    A line that a crash has truncated is left out. Work that was repeated after a crash replaces the
+    earlier rows: a row replaces all previous ones with as many steps or more.
     """
     rows: list[Row] = []
     for line in pathlib.Path(path).read_text("utf-8", errors="replace").split("\n"):
@@ -74,7 +75,7 @@ def _line(row: Row) -> str:
 
 
 def _parsed(line: str) -> Row | None:
-    """A row, or None where the line is none."""
+    """The row in a line, or None if the line is invalid."""
     try:
         values = json.loads(line)
         row = {name: math.nan if x is None else float(x) for name, x in values.items()}

@@ -27,7 +27,7 @@ class MLP(nn.Module):
       out: units of the last layer, which has no activation.
       activation: a key of `ACTIVATIONS`.
       last_scale: gain of the orthogonal initial weights of the last layer.
-      layer_norm: normalise each hidden layer; steadies gradients through long rollouts.
+      layer_norm: whether to normalise each hidden layer; stabilises gradients of long rollouts.
     """
 
     hidden: Sequence[int]
@@ -181,11 +181,11 @@ class TanhGaussianPolicy(nn.Module):
 
 @struct.dataclass
 class ActionRange:
-    """Actions of a network, about -1 to 1, to those of an environment and its limits.
+    """Map from actions of a network, about -1 to 1, to those of an environment within its limits.
 
     Attributes:
-      middle: middle of the range; 0 where there is none.
-      half: half of the width; 1 where there is none.
+      middle: middle of the range; 0 for an unbounded action.
+      half: half of the width; 1 for an unbounded action.
       low: lower limits, which may be infinite.
       high: upper limits.
     """
@@ -218,8 +218,8 @@ class Policy:
 
     Attributes:
       params: parameters of the network.
-      statistics: of the observations, for their normalisation; None for none.
-      scale: from the network's actions to the environment's.
+      statistics: statistics of the observations, for their normalisation; None for none.
+      scale: map from the network's actions to the environment's.
       network: the module, which gives a distribution with `mode()` and `sample(key)`.
     """
 

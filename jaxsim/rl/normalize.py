@@ -1,4 +1,4 @@
-"""Running mean and variance of what an agent sees, merged over devices."""
+"""Running mean and variance of observations and returns, merged over devices."""
 
 import jax
 import jax.numpy as jnp
@@ -37,9 +37,9 @@ class RunningStatistics:
 
         Two sets are merged by Chan's formula: with d the difference of the means and w the
         fraction of the new samples, mean = m + w d and
-        variance = (1 - w) v + w v_new + w (1 - w) d^2. Samples that are not finite count as the
-        present mean, and those beyond what is plausible as the limit of it: one simulation that
-        goes wild must not blind the agent for good. Where everything grows, so does the limit.
+        variance = (1 - w) v + w v_new + w (1 - w) d^2. Samples that are not finite are replaced by
+        the mean, and extreme samples are clipped to plausible limits, so that one diverging
+        simulation does not spoil the normalisation. The limits grow if all samples grow.
         """
         samples = jnp.where(jnp.isfinite(samples), samples, self.mean[None])
         low, high = lax.cond(self.count > 0, self._plausible, lambda: _typical(samples))
@@ -57,7 +57,7 @@ class RunningStatistics:
         return RunningStatistics(total, self.mean + w * d, merged)
 
     def _plausible(self):
-        """Limits by what has been seen; within one unit of the mean everything is plausible."""
+        """Limits from the statistics so far, at least one unit from the mean."""
         reach = 1 + PLAUSIBLE * jnp.sqrt(self.variance)
         return self.mean - reach, self.mean + reach
 
@@ -69,7 +69,7 @@ class RunningStatistics:
 
 
 def _typical(samples: Float[Array, "n ..."]):
-    """Limits by the samples themselves: by the distance from the median of three in four."""
+    """Limits from the samples: from the 75th percentile of their distance to the median."""
     some = samples[:: -(-samples.shape[0] // JUDGES)]
     middle = jnp.median(some, axis=0)
     reach = 1 + 3 * PLAUSIBLE * jnp.quantile(jnp.abs(some - middle[None]), 0.75, axis=0)
@@ -82,7 +82,7 @@ def discounted_returns(
     done: Bool[Array, "T n"],
     discount: float,
 ) -> tuple[Float[Array, "n"], Float[Array, "T n"]]:
-    """Discounted sums of the rewards so far, whose deviation is the scale of a reward.
+    """Discounted sums of past rewards, whose standard deviation scales the rewards.
 
     g_t = r_t + discount g_{t-1}, where g_{t-1} is 0 at the start of an episode. Dividing by the
     deviation of g makes returns of about one, whatever the task's units.
@@ -94,7 +94,7 @@ def discounted_returns(
       discount: factor per step.
 
     Returns:
-      What `before` is for the next steps, and g of all steps.
+      `before` for the next steps, and g of all steps.
     """
 
     def body(g, step):

@@ -2,8 +2,8 @@
 
 One epoch: every environment takes `unroll` steps with the present policy; advantages come from
 generalised advantage estimation; then the policy and the value function are fitted by stochastic
-gradients on shuffled minibatches, `passes` times over. All of it is one compiled program, in
-which each device works on its own environments and gradients are averaged.
+gradients on shuffled minibatches, in `passes` passes over the data. All of this is one compiled
+program, in which each device works on its own environments and gradients are averaged.
 """
 
 import dataclasses
@@ -35,7 +35,7 @@ class Config(TrainConfig):
     Attributes:
       unroll: steps of each environment in one epoch.
       minibatches: gradient steps of one pass over the data of an epoch.
-      passes: how often the data of an epoch are used.
+      passes: number of passes over the data of an epoch.
       discount: factor per step of the return.
       decay: lambda of the advantage estimation: 1 trusts returns, 0 the value function.
       clip: the ratio of new to old probability has no effect beyond 1 +- clip.
@@ -76,7 +76,7 @@ class Config(TrainConfig):
 
 @struct.dataclass
 class Learner:
-    """What PPO learns; the same on all devices.
+    """The learner of PPO, the same on all devices.
 
     Attributes:
       params: parameters of "policy" and "value".
@@ -107,7 +107,7 @@ class PPOActors:
 
 @struct.dataclass
 class Sample:
-    """What the loss needs to know of a step; leaves have the samples in front.
+    """Samples for the loss, one for each step of an environment, along the first axis.
 
     Attributes:
       obs: normalised observation.
@@ -127,7 +127,7 @@ class Sample:
 
 
 class PPO(Algorithm):
-    """The algorithm on an environment (with `AutoReset`), its part on one of the devices."""
+    """The algorithm on an environment (with `AutoReset`), for one of the devices."""
 
     Config = Config
 

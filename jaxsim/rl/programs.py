@@ -23,9 +23,9 @@ class Programs:
 
     Attributes:
       start: `() -> Training`.
-      epoch: `Training -> (Training, metrics)`; the memory of the argument is used again.
+      epoch: `Training -> (Training, metrics)`; the memory of the argument is reused.
       evaluate: `learner -> Evaluation` of the deterministic policy.
-      policy: `learner -> Policy`, as arrays that all devices have.
+      policy: `learner -> Policy`, replicated on all devices.
     """
 
     start: Callable[[], Training]
@@ -35,7 +35,7 @@ class Programs:
 
 
 class Start:
-    """How a training begins, traced and not yet compiled.
+    """The program that starts a training, traced but not compiled.
 
     Attributes:
       program: `() -> Training`.
@@ -56,11 +56,11 @@ def compile_all(env: Env, algorithm: Algorithm, seed: int, mesh: Mesh, start: St
     """Trace all programs, then compile them at the same time.
 
     Args:
-      env: what to evaluate in, without `AutoReset`.
+      env: environment for evaluation, without `AutoReset`.
       algorithm: the trainer.
-      seed: of everything random.
+      seed: seed of all random numbers.
       mesh: the devices.
-      start: how it begins.
+      start: the program that starts the training.
     """
     template = start.template
     epoch = parallel(

@@ -1,9 +1,9 @@
 """Soft actor-critic (Haarnoja et al. 2018), with a replay buffer on the devices.
 
-One epoch: every environment takes `unroll` steps with the present random policy, which go into a
-buffer of the latest steps; then policy, two critics and the temperature are fitted to random
+One epoch: every environment takes `unroll` steps with the present stochastic policy, which are
+stored in a replay buffer. Then the policy, two critics and the temperature are fitted to random
 batches from the buffer, `updates` times. The policy maximises rewards plus temperature times
-entropy; the temperature is what keeps the entropy near its target. All of it is one compiled
+entropy; the temperature is adapted to keep the entropy near its target. All of this is one compiled
 program, in which each device has its own environments and buffer and gradients are averaged.
 """
 
@@ -44,9 +44,9 @@ class Config(TrainConfig):
       warmup: steps in all environments together before learning starts; the actions are random.
       discount: factor per step of the return.
       learning_rate: step size of Adam, for everything that is learnt.
-      follow: part of the way to the critics that their target copies go in one gradient step.
-      entropy: the entropy of the policy, per action and in nats, that the temperature aims at.
-      initial_temperature: worth of a nat before training.
+      follow: rate of the target critics, the fraction of the critics in one averaging step.
+      entropy: target of the policy's entropy, in nats for each action.
+      initial_temperature: temperature before training.
       normalize_obs: subtract the running mean of the observations, divide by their deviation.
       reward_scale: factor on the rewards that the learner sees.
       policy: network of the policy.
@@ -72,7 +72,7 @@ class Config(TrainConfig):
 
 @struct.dataclass
 class Learner:
-    """What SAC learns; the same on all devices.
+    """The learner of SAC, the same on all devices.
 
     Attributes:
       params: parameters of "policy" and "critics", and the logarithm of the "temperature".
@@ -80,7 +80,7 @@ class Learner:
       optimizer: state of Adam.
       obs: statistics of the observations.
       key: random numbers of the epochs to come.
-      epoch: epochs so far; says where the buffer goes on.
+      epoch: epochs so far, from which the position in the buffer follows.
     """
 
     params: dict[str, Any]
@@ -93,14 +93,14 @@ class Learner:
 
 @struct.dataclass
 class Transition:
-    """Steps of environments, in any order; leaves have the steps in front.
+    """Steps of environments in any order, along the first axis.
 
     Attributes:
       obs: observation on which the action was chosen.
       action: action of the network, within (-1, 1).
       reward: reward, scaled.
       next_obs: observation after the step.
-      terminated: the episode ended; one that was cut short goes on in the critics' eyes.
+      terminated: whether the task ended; truncated episodes count as going on.
     """
 
     obs: Float[Array, "n obs"]
@@ -119,7 +119,7 @@ class SACActors:
 
 
 class Critics(nn.Module):
-    """Two values of an action, from networks of their own."""
+    """Two estimates of an action's value, by two networks."""
 
     hidden: tuple[int, ...]
     activation: str
@@ -133,7 +133,7 @@ class Critics(nn.Module):
 
 
 class SAC(Algorithm):
-    """The algorithm on an environment (with `AutoReset`), its part on one of the devices."""
+    """The algorithm on an environment (with `AutoReset`), for one of the devices."""
 
     Config = Config
 
@@ -212,7 +212,7 @@ class SAC(Algorithm):
         return learner, SACActors(envs, buffer), {**episodes.metrics(), **losses}
 
     def remember(self, buffer: Transition, seen: Experience, epoch) -> Transition:
-        """Put the steps of an epoch in place of the oldest ones."""
+        """Replace the oldest steps in the buffer by those of an epoch."""
         steps = Transition(
             obs=seen.obs,
             action=seen.extras,
@@ -286,7 +286,7 @@ class SAC(Algorithm):
         return critic_loss + policy_loss + temperature_loss, lax.stop_gradient(losses)
 
     def values(self, params, obs, action) -> tuple[Array, Array]:
-        """What the two critics say."""
+        """The values that the two critics give an action."""
         both: Any = self.critics.apply(params, obs, action)
         return both
 
@@ -299,7 +299,7 @@ def soft_target(
     temperature: Float[Array, ""],
     discount: float,
 ) -> Float[Array, "*n"]:
-    """What the critics should say (Haarnoja et al. 2018, eq. 3 and 5).
+    """Targets of the critics (Haarnoja et al. 2018, eq. 3 and 5).
 
     y = r + discount (1 - terminated) (min(Q1, Q2)(s', a') - temperature log p(a' | s'))
 
@@ -308,7 +308,7 @@ def soft_target(
       next_value: the lesser of the target critics' values of a'.
       next_log_prob: log density of a', drawn from the present policy in s'.
       terminated: the episode ended in s'.
-      temperature: worth of a nat of entropy.
+      temperature: reward for a nat of entropy.
       discount: factor per step.
     """
     soft_value = next_value - temperature * next_log_prob

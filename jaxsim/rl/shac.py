@@ -1,11 +1,11 @@
 """Short-horizon actor-critic (Xu et al. 2022): policy gradients through the simulation.
 
 One epoch: every environment takes `horizon` steps with the present policy; the gradient of the
-discounted rewards, plus the value that the critic sees at the end, flows back through policy and
-physics into the policy's parameters. A short horizon keeps the gradient tame, the critic makes up
-for what comes later. Then the critic is fitted to TD(lambda) targets of the same steps, for which
-a slowly following copy of it, the target critic, gives the values. All of it is one compiled
-program, in which each device works on its own environments and gradients are averaged.
+discounted rewards, plus the critic's value of the last state, flows back through policy and physics
+to the policy's parameters. A short horizon bounds the gradient, and the critic estimates the
+rewards after it. Then the critic is fitted to TD(lambda) targets of the same steps, with values of
+the target critic, a running average of the critic. All of this is one compiled program, in which
+each device works on its own environments and gradients are averaged.
 """
 
 import dataclasses
@@ -52,13 +52,13 @@ class Config(TrainConfig):
 
     Attributes:
       horizon: steps of each environment in one epoch, through which gradients flow.
-      episode_steps: training cuts episodes after this many steps, so that starts are seen more
-        often; the critic stands for the rest. None for the length that the task has.
+      episode_steps: length at which training truncates episodes, so that starts are seen more
+        often; the critic estimates the rest. None for the length of the task.
       discount: factor per step of the return.
       decay: lambda of the value targets: 1 trusts returns, 0 the target critic.
-      follow: part of the way to the critic that the target critic goes in one epoch.
+      follow: rate of the target critic, the fraction of the critic in one averaging step.
       minibatches: gradient steps of the critic in one pass over the data of an epoch.
-      passes: how often the critic is fitted to the data of an epoch.
+      passes: number of passes of the critic over the data of an epoch.
       policy_rate: step size of Adam for the policy at the start; decreases to zero.
       value_rate: the same for the critic.
       momentum: Adam's averaging of gradients and of their squares, for both.
@@ -67,7 +67,7 @@ class Config(TrainConfig):
         action of one step are scaled down to this norm.
       normalize_obs: subtract the running mean of the observations, divide by their deviation.
       reward_scale: factor on the rewards that the learner sees.
-      entropy: worth of a nat of the policy's entropy in each step, after scaling.
+      entropy: reward for a nat of the policy's entropy in each step, after scaling.
       policy: network of the policy.
       value: network of the critic.
     """
@@ -94,7 +94,7 @@ class Config(TrainConfig):
 
 @struct.dataclass
 class Learner:
-    """What SHAC learns; the same on all devices.
+    """The learner of SHAC, the same on all devices.
 
     Attributes:
       policy: parameters of the policy.
@@ -118,7 +118,7 @@ class Learner:
 
 
 class SHAC(Algorithm):
-    """The algorithm on an environment (with `AutoReset`), its part on one of the devices."""
+    """The algorithm on an environment (with `AutoReset`), for one of the devices."""
 
     Config = Config
 
@@ -151,7 +151,7 @@ class SHAC(Algorithm):
         )
 
     def start(self, learner: Learner, keys) -> Actors:
-        """Reset one environment for each key, and spread the ends of their episodes."""
+        """Reset one environment for each key, with first episodes of different lengths."""
         return spread_episodes(super().start(learner, keys), keys, self.config.episode_steps)
 
     def policy(self, learner: Learner) -> Policy:
@@ -159,7 +159,7 @@ class SHAC(Algorithm):
         return Policy(learner.policy, self.statistics(learner), self.scale, self.network)
 
     def epoch(self, learner: Learner, actors: Actors):
-        """Improve the policy by a rollout, then the critic by what was seen in it."""
+        """Improve the policy by a rollout, then the critic by its experience."""
         key, carry = jax.random.split(learner.key)
         key = jax.random.fold_in(key, lax.axis_index(AXIS))
         act_key, shuffle_key = jax.random.split(key)
@@ -177,7 +177,7 @@ class SHAC(Algorithm):
         return learner, actors, {**episodes.metrics(), **losses}
 
     def loss(self, params, learner: Learner, actors: Actors, key):
-        """Minus the mean objective of the environments of this device, and what was seen."""
+        """Minus the mean objective of the environments of this device, and their experience."""
         policy = self.policy(learner.replace(policy=params))
 
         def act(obs, key):
@@ -196,11 +196,11 @@ class SHAC(Algorithm):
         return -objective, lax.stop_gradient((actors, seen, episodes, objective))
 
     def rewards(self, seen: Experience) -> Float[Array, "T n"]:
-        """Rewards as the learner sees them: scaled, with a bonus for randomness."""
+        """Rewards for the learner: scaled, plus the entropy bonus."""
         return self.config.reward_scale * seen.reward + self.config.entropy * seen.extras
 
     def values(self, learner: Learner, obs: Float[Array, "*batch n"]) -> Float[Array, "*batch"]:
-        """What the target critic says."""
+        """Values of the target critic."""
         values: Any = self.value.apply(learner.target, self.normalize(learner, obs))
         return values
 
@@ -259,18 +259,18 @@ def horizon_objective(
     truncated: Bool[Array, "T"],
     discount: float,
 ) -> Float[Array, ""]:
-    """What the policy maximises on one environment (Xu et al. 2022, eq. 5).
+    """The policy's objective in one environment (Xu et al. 2022, eq. 5).
 
     sum_t w_t (r_t + discount b_t V(s'_t)),   b_t = 1 where the data, but not the task, ends
 
-    w_t is the discount since the last start of an episode. The value enters where an episode
-    was cut short and at the horizon; nothing follows a termination.
+    w_t is the discount since the last start of an episode. The value is added at truncations and at
+    the horizon, but not at a termination.
 
     Args:
       reward: r_t.
       next_value: V(s'_t), the value of the state that step t led to.
       terminated: the episode ended in s'_t.
-      truncated: the episode was cut short at s'_t.
+      truncated: the episode was truncated at s'_t.
       discount: factor per step.
     """
     last = jnp.arange(len(reward)) == len(reward) - 1

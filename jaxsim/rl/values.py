@@ -1,4 +1,4 @@
-"""Values of settings: what a type annotation allows, from what YAML or Python gives.
+"""Conversion of values from YAML or Python to the annotated types of settings.
 
 A range is part of the type, `Annotated[float, Range(0, 1)]`; a choice of words is a `Literal`.
 """
@@ -15,12 +15,12 @@ from jaxsim.rl.errors import ConfigError
 
 @dataclasses.dataclass(frozen=True)
 class Range:
-    """Numbers between two limits, which belong to it unless `open` names them.
+    """An interval of numbers.
 
     Attributes:
-      low: the lower limit.
-      high: the upper limit.
-      open: any of "low" and "high".
+      low: lower limit.
+      high: upper limit.
+      open: limits that are excluded, any of "low" and "high".
     """
 
     low: float = -math.inf
@@ -56,12 +56,12 @@ _WORDS = {bool: "true or false", str: "a word", dict: "a mapping"}
 
 
 def fit(kind: Any, value: Any, path: str) -> Any:
-    """A value as the type of its setting.
+    """Convert a value to the type of its setting.
 
     Args:
       kind: the annotation: bool, int, float, str, dict, a `Literal`, an `Annotated` number, a
         tuple, a record, or one of these or None.
-      value: what was given.
+      value: the given value.
       path: name of the setting in error messages.
 
     Raises:

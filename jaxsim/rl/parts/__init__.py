@@ -1,1 +1,1 @@
-"""What trainers are made of: experience, advantages, steps of descent, several devices."""
+"""Parts of trainers: experience, advantages, gradient descent, several devices."""

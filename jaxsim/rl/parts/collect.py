@@ -1,4 +1,4 @@
-"""Experience: many environments stepped by a policy, in chunks that stay in a CPU's cache."""
+"""Experience: many environments stepped by a policy, in chunks that fit in a CPU's cache."""
 
 from collections.abc import Callable
 from typing import Any
@@ -18,7 +18,7 @@ from jaxsim.parallel.devices import AXIS
 
 @struct.dataclass
 class Actors:
-    """Environments in the middle of their episodes; all leaves have the environments in front.
+    """Environments during their episodes; the first axis of all leaves is the environment.
 
     Attributes:
       env: states of the environments.
@@ -33,16 +33,16 @@ class Actors:
 
 @struct.dataclass
 class Experience:
-    """Steps of environments, time first: leaves are (T, n, ...).
+    """Steps of environments; leaves are (T, n, ...), time first.
 
     Attributes:
-      obs: observation on which the action was chosen.
+      obs: observation from which the action was chosen.
       action: the action in the environment's units.
-      extras: what else the policy gave with the action, such as its log probability.
+      extras: other results of the policy, such as the log probability of the action.
       reward: reward of the step.
-      next_obs: observation after the step, also where a new episode then began.
-      terminated: the episode ended with this step.
-      truncated: the episode was cut short after this step.
+      next_obs: observation after the step, before a possible reset.
+      terminated: whether the task ended with this step.
+      truncated: whether the episode was truncated after this step.
     """
 
     obs: Float[Array, "T n obs"]
@@ -56,14 +56,14 @@ class Experience:
 
 @struct.dataclass
 class Episodes:
-    """Sums over the episodes that ended, and over steps in which something went wrong.
+    """Sums over the episodes that ended, and numbers of steps with problems.
 
     Attributes:
       returns: sum of the returns.
       lengths: sum of the lengths in steps.
       count: number of episodes.
       nonfinite: number of environments that were reset because of a NaN or an infinity.
-      lost_contacts: number of steps in which contacts found no slot.
+      lost_contacts: number of steps in which contacts were lost for lack of slots.
       unconverged: number of steps in which a solve ran out of iterations.
     """
 
@@ -105,13 +105,13 @@ def collect(
 
     Args:
       env: the environment, with `AutoReset`.
-      act: chooses actions.
-      actors: where the environments are.
-      key: random numbers for `act`.
-      steps: steps of each environment, T.
+      act: function that chooses actions.
+      actors: the environments.
+      key: random key for `act`.
+      steps: number of steps T of each environment.
 
     Returns:
-      Where the environments are then, what happened, and which episodes ended meanwhile.
+      The environments after the steps, the experience, and sums over the episodes that ended.
     """
     count = actors.episode_return.shape[0]
     lanes = even_lanes(env.unwrapped.model, count)
@@ -161,7 +161,7 @@ def _step(env: Env, act: Act, actors: Actors, key) -> tuple[Actors, tuple[Experi
 
 
 def _troubles(solves: Solves | None, like: Float[Array, "n"]) -> dict[str, Array]:
-    """How many solves of a batch went wrong; none where an environment does not tell."""
+    """Numbers of environments with lost contacts and unconverged solves; 0 if not reported."""
     if solves is None:
         return dict.fromkeys(("lost_contacts", "unconverged"), jnp.zeros((), like.dtype))
     return {

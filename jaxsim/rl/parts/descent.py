@@ -14,7 +14,7 @@ from jaxsim.rl.errors import ConfigError
 
 
 class Adam:
-    """Adam (Kingma & Ba 2015) whose step size is given with each step.
+    """Adam (Kingma & Ba 2015) with the step size as an argument of each step.
 
     Args:
       max_grad_norm: longer gradients are scaled down to this norm; None for no limit.
@@ -45,7 +45,7 @@ class Adam:
 
 
 def average(tree: Any) -> Any:
-    """Mean over all devices; one collective, as each of them costs a rendezvous."""
+    """Mean over all devices, by one collective, because each collective synchronises devices."""
     flat, unravel = ravel_pytree(tree)
     return unravel(lax.pmean(flat, AXIS))
 
@@ -53,14 +53,14 @@ def average(tree: Any) -> Any:
 def keep_finite(watched: Any, new: Any, old: Any) -> Any:
     """The new values, or the old ones if one of the watched numbers is not finite.
 
-    Such numbers must not reach the parameters, whatever they came from.
+    So numbers that are not finite never reach the parameters.
     """
     fine = jnp.isfinite(ravel_pytree(watched)[0]).all()
     return jax.tree.map(lambda a, b: jnp.where(fine, a, b), new, old)
 
 
 def blend(old: Any, new: Any, part: float) -> Any:
-    """Part of the way from the old values to the new ones; for target networks."""
+    """`old + part (new - old)`, for target networks."""
     return jax.tree.map(lambda a, b: a + part * (b - a), old, new)
 
 
@@ -72,10 +72,10 @@ def minibatches(key, samples: int, passes: int, count: int) -> Int[Array, "passe
 
 
 def check_minibatches(samples: int, count: int, of: str) -> None:
-    """Minibatches must be of one size; `of` says what the samples are.
+    """Check that samples can be divided into minibatches of equal size; `of` names the samples.
 
     Raises:
-      ConfigError: they cannot be.
+      ConfigError: they cannot.
     """
     if samples % count:
         raise ConfigError(

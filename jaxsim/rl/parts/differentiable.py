@@ -1,4 +1,4 @@
-"""Environments that gradients flow through, in bounded memory and with bounded gradients."""
+"""Environments for reverse mode, with bounded memory and bounded gradients."""
 
 import functools
 from typing import Any
@@ -12,7 +12,7 @@ from jaxsim.arrays.checkpoint import checkpoint
 from jaxsim.envs import EnvState, TimeLimit, Wrapper, extended
 from jaxsim.rl.parts.collect import Actors
 
-# Any number beyond which a gradient is an accident of the floating point format.
+# Gradients with larger entries count as overflow.
 NO_LIMIT = 1e18
 
 
@@ -20,12 +20,11 @@ NO_LIMIT = 1e18
 class Differentiable(Wrapper):
     """The same environment, prepared for reverse mode through many steps.
 
-    The backward pass repeats each step instead of remembering what happened within it, so that
-    a rollout keeps its states and accelerations only. What flows back through a step is made
-    harmless: if it is not finite (a simulation that diverged, which `AutoReset` replaces), this
-    environment adds nothing to the gradient; if it is longer than `limit`, it is scaled down to
-    it, which tames the products of Jacobians that grow exponentially in chaotic motion. The
-    other environments of a batch are not affected.
+    The backward pass recomputes each step, so that a rollout stores only states and accelerations.
+    The cotangent of each step is bounded. If it is not finite (after a simulation has diverged and
+    `AutoReset` has replaced it), it is set to zero, and this environment adds nothing to the
+    gradient. If its norm exceeds `limit`, it is scaled down, because products of Jacobians grow
+    exponentially in chaotic motion. Other environments of a batch are not affected.
 
     Attributes:
       limit: greatest norm of the cotangent of state and action of one step.
@@ -65,7 +64,7 @@ def _forward(limit: float, leaves):
 
 def _backward(limit: float, _, cotangents):
     square = sum((jnp.sum(jnp.square(c)) for c in cotangents), start=jnp.zeros(()))
-    # An overflow of the square is as bad as a NaN, and ends here too.
+    # An overflow of the square is treated like NaN.
     factor = jnp.minimum(1, limit * jax.lax.rsqrt(jnp.maximum(square, 1e-30)))
     finite = jnp.isfinite(square)
     return ([jnp.where(finite, factor.astype(c.dtype) * c, 0) for c in cotangents],)
@@ -80,10 +79,10 @@ def cut_episodes(env: Any, steps: int | None) -> Any:
 
 
 def spread_episodes(actors: Actors, keys, steps: int | None) -> Actors:
-    """Let the first episodes end at different times, as if they had begun earlier.
+    """Make the first episodes end at different times, as if they had started earlier.
 
-    Environments that all start and end together would show the learner one phase of the task
-    after another. Only the counter of `TimeLimit` is moved; without `steps` nothing is.
+    If all environments started and ended together, the learner would see the same phase of the task
+    in all of them. Only the counter of `TimeLimit` is changed; nothing is if `steps` is None.
     """
     if steps is None:
         return actors

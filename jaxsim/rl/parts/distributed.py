@@ -1,7 +1,8 @@
-"""What all devices share and what is split, in one process or several joined by `jax.distributed`.
+"""The state of a training on several devices, in one or several processes.
 
-Trainers write what one device does, with collectives along the axis "batch". What they learn is
-the same on all devices; what acts in environments is split, with the environments in front.
+A trainer defines the program of one device, with collectives along the axis "batch". The learner is
+the same on all devices. The actors are divided along their first axis, the environments. Processes
+are joined by `jax.distributed`.
 """
 
 from typing import Any
@@ -14,11 +15,11 @@ from jaxsim.parallel.devices import EVERYWHERE, SPLIT
 
 @struct.dataclass
 class Training:
-    """All that a training carries from one epoch to the next.
+    """The state of a training between two epochs.
 
     Attributes:
-      learner: parameters, optimiser, statistics, keys and counters: the same on all devices.
-      actors: states of the environments and what belongs to them, environments in front: split.
+      learner: parameters, optimiser, statistics, keys and counters, the same on all devices.
+      actors: states of the environments, divided among the devices along the first axis.
     """
 
     learner: Any
@@ -29,16 +30,16 @@ SPECS = Training(EVERYWHERE, SPLIT)
 
 
 def join(coordinator: str | None, processes: int, index: int) -> None:
-    """Join the processes of one training; before anything else touches JAX.
+    """Join the processes of one training; call it before any other use of JAX.
 
     Args:
-      coordinator: "host:port" of the first process; None leaves it to the cluster's environment.
-      processes: how many there are.
-      index: which of them this is, from 0.
+      coordinator: "host:port" of the first process; None to use the cluster's environment.
+      processes: number of processes.
+      index: number of this process, from 0.
     """
     jax.distributed.initialize(coordinator, processes, index)
 
 
 def is_main() -> bool:
-    """Whether this process is the one that reports and writes files."""
+    """Whether this is the process that reports and writes files."""
     return jax.process_index() == 0

@@ -19,15 +19,15 @@ def advantages(
     delta_t = r_t + discount (1 - terminated_t) V(s'_t) - V(s_t)
     A_t = delta_t + discount decay (1 - terminated_t) (1 - truncated_t) A_{t+1},   A_T = 0
 
-    s'_t is the state that the action led to, also where an episode was then cut short and a new
-    one begun: termination ends the return, truncation only ends the data.
+    s'_t is the state after the action, before a possible reset: a termination ends the return, a
+    truncation only ends the data.
 
     Args:
       reward: r_t.
       value: V(s_t), the value of the state in which the action was taken.
       next_value: V(s'_t).
       terminated: the episode ended in s'_t.
-      truncated: the episode was cut short at s'_t.
+      truncated: the episode was truncated at s'_t.
       discount: factor per step of the return, gamma.
       decay: weight of long returns against bootstrapping, lambda.
 

@@ -1,1 +1,1 @@
-"""The directory of a run: who holds it, what is in it, and reading it again."""
+"""The directory of a run: locking, writing and reading."""

@@ -1,4 +1,4 @@
-"""The directory of a run: held by one process at a time, with its settings in "run.yaml"."""
+"""The directory of a run, locked by one process at a time, with settings in "run.yaml"."""
 
 import contextlib
 import pathlib
@@ -24,14 +24,14 @@ _KINDS = {"env": str | None, "algorithm": str, "seed": int, "settings": dict}
 
 @contextlib.contextmanager
 def hold(directory: pathlib.Path, resume: bool) -> Iterator[None]:
-    """Make the directory where it is missing, and keep other runs out of it.
+    """Create the directory if needed, and lock it while the context is open.
 
     Args:
-      directory: of the run.
-      resume: whether it may hold a run already.
+      directory: directory of the run.
+      resume: whether it may already contain a run.
 
     Raises:
-      CheckpointError: it cannot be written to, another process is using it, or it holds a run.
+      CheckpointError: it cannot be written to, is in use by another process, or contains a run.
     """
     with writing(directory):
         directory.mkdir(parents=True, exist_ok=True)
@@ -46,7 +46,7 @@ def hold(directory: pathlib.Path, resume: bool) -> Iterator[None]:
 
 
 def _lock(file: Any, directory: pathlib.Path) -> None:
-    """Lock a file for this process; it is open again when the process ends, however it does."""
+    """Lock a file for this process; the lock ends with the process, even if it crashes."""
     if fcntl is None:
         return
     try:
@@ -58,13 +58,13 @@ def _lock(file: Any, directory: pathlib.Path) -> None:
 
 
 def _has_run(directory: pathlib.Path) -> bool:
-    """Whether something has been trained there, and not only begun."""
+    """Whether the directory contains results of a training, not only its start."""
     begun = (directory / _RUN).exists()
     return begun and ((directory / ROWS).exists() or any((directory / FOLDER).glob("*")))
 
 
 def check_space(directory: pathlib.Path, needed: int) -> None:
-    """Raise what tells a disk without room for `needed` bytes of checkpoints."""
+    """Raise a CheckpointError if the disk has no space for `needed` bytes of checkpoints."""
     free = shutil.disk_usage(directory).free
     if free < needed:
         raise CheckpointError(
@@ -74,11 +74,11 @@ def check_space(directory: pathlib.Path, needed: int) -> None:
 
 
 def write_run(directory: pathlib.Path, run: dict[str, Any]) -> None:
-    """Write what a run is about, all or nothing.
+    """Write "run.yaml", atomically.
 
     Raises:
       CheckpointError: it cannot be written.
-      ConfigError: a setting is nothing that YAML can say.
+      ConfigError: YAML cannot represent a setting.
     """
     try:
         text = yaml.safe_dump(run, sort_keys=False)
@@ -91,10 +91,10 @@ def write_run(directory: pathlib.Path, run: dict[str, Any]) -> None:
 
 
 def check_same(directory: pathlib.Path, run: dict[str, Any]) -> None:
-    """Compare what is to be done with what the directory is about, if it holds anything.
+    """Check that a training is the one in the directory, if there is one.
 
     Raises:
-      CheckpointError: they are different trainings, or the file in the directory is damaged.
+      CheckpointError: it is a different training, or the file in the directory is damaged.
     """
     if not (directory / _RUN).exists():
         return
@@ -107,10 +107,10 @@ def check_same(directory: pathlib.Path, run: dict[str, Any]) -> None:
 
 
 def read_run(directory: str | pathlib.Path) -> dict[str, Any]:
-    """What the run in a directory is about: "env", "algorithm", "seed" and "settings".
+    """Read "run.yaml": "env", "algorithm", "seed" and "settings".
 
     Raises:
-      CheckpointError: it is not the directory of a run, or its file is damaged.
+      CheckpointError: it is not the directory of a run, or the file is damaged.
     """
     path = pathlib.Path(directory) / _RUN
     if not path.is_file():
@@ -128,7 +128,7 @@ def read_run(directory: str | pathlib.Path) -> dict[str, Any]:
 
 @contextlib.contextmanager
 def writing(directory: pathlib.Path) -> Iterator[None]:
-    """Say what the operating system says, for instance that the disk is full.
+    """Turn errors of the operating system, such as a full disk, into a CheckpointError.
 
     Raises:
       CheckpointError: something cannot be written.

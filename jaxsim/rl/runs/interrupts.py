@@ -1,4 +1,4 @@
-"""Interrupts that let the present epoch finish."""
+"""Handling of interrupts so that the current epoch can finish."""
 
 import contextlib
 import signal
@@ -9,10 +9,10 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class Interrupts(contextlib.AbstractContextManager):
-    """While active, the first interrupt is only noted; the second one raises as usual.
+    """A context in which the first interrupt is only recorded; a second one raises as usual.
 
     Attributes:
-      seen: whether there was one.
+      seen: whether there was an interrupt.
     """
 
     def __init__(self):
@@ -20,13 +20,13 @@ class Interrupts(contextlib.AbstractContextManager):
         self._before: dict[int, Any] = {}
 
     def __enter__(self) -> "Interrupts":
-        """Start to listen; only the main thread can."""
+        """Install the handlers, if this is the main thread."""
         if threading.current_thread() is threading.main_thread():
             self._before = {s: signal.signal(s, self._note) for s in _SIGNALS}
         return self
 
     def __exit__(self, *_) -> None:
-        """Restore what was done with signals before."""
+        """Restore the previous handlers."""
         for number, handler in self._before.items():
             signal.signal(number, handler)
         self._before = {}

@@ -1,4 +1,4 @@
-"""Checksums of the files in a folder, by which it is known again."""
+"""Checksums of the files in a folder."""
 
 import json
 import pathlib
@@ -14,10 +14,10 @@ def write(folder: pathlib.Path) -> None:
 
 
 def check(folder: pathlib.Path) -> None:
-    """Compare the files with their checksums; a folder without them, after a crash, passes.
+    """Compare the files with their checksums; a folder without checksums (after a crash) passes.
 
     Raises:
-      ValueError: a file is missing or is not what was written.
+      ValueError: a file is missing or has changed.
     """
     if not (folder / _NAME).exists():
         return

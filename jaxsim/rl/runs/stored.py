@@ -1,7 +1,7 @@
-"""What is read back from the directory of a run.
+"""Reading a run from its directory.
 
-A run may be somebody else's. It may name code, "module:Class", for its environment or its
-algorithm; such code is imported only if the caller names it too.
+A run may come from somebody else, and may name code, "module:Class", for its environment or its
+algorithm. Such code is imported only if the caller names it, too.
 """
 
 import pathlib
@@ -25,16 +25,16 @@ def load_policy(
     env: envs.Env | str | None = None,
     algorithm: str | type[Algorithm] | None = None,
 ) -> Policy:
-    """The policy in the newest checkpoint of a run that can be read.
+    """The policy in the newest readable checkpoint of a run.
 
     Args:
-      directory: of the run.
+      directory: directory of the run.
       env: the environment, if it was not made from a name of `jaxsim.envs.names()`.
       algorithm: the algorithm, if it is not one of `ALGORITHMS`.
 
     Raises:
-      CheckpointError: there is no usable checkpoint, or it is of another environment; or nothing
-        tells the environment, or the run names code that the caller does not.
+      CheckpointError: there is no usable checkpoint, it belongs to another environment, the
+        environment is unknown, or the run names code that the caller does not name.
     """
     run = read_run(directory)
     if env is None or isinstance(env, str):
@@ -58,11 +58,11 @@ def run_env(
     env: str | None = None,
     algorithm: str | type[Algorithm] | None = None,
 ) -> envs.Env:
-    """The environment of a run, from what its directory says; arguments as for `load_policy`.
+    """The environment of a run that was read from a directory; arguments as for `load_policy`.
 
     Raises:
-      CheckpointError: it was trained in an environment without a name, or in one that is code
-        which the caller does not name.
+      CheckpointError: it was trained in an environment without a name, or in one whose code the
+        caller does not name.
     """
     name = run["env"] if env is None else env
     if name is None:
@@ -89,7 +89,7 @@ def stored_settings(
 
 
 def _check_code(what: str, stored: str | None, named: str | None) -> None:
-    """What a run names is followed only where it is jaxsim's own, or the caller says the same."""
+    """Raise if a run names code that is not jaxsim's own and not named by the caller."""
     if named is not None and stored not in (None, named):
         raise CheckpointError(f"the {what} of this run is {stored!r}, not {named!r}")
     if named is None and stored is not None and ":" in stored:
