@@ -182,7 +182,7 @@ SECTIONS = (
         scaling,
     ),
     Section(
-        "profile",
+        "stages",
         "Shares of a step",
         "Per cent of a step on one core: differences of longer and longer parts of it, so "
         "that a share of a few per cent is not well known.",
@@ -266,6 +266,27 @@ SECTIONS = (
             "steps",
             "steps/s",
             rows="table",
+        ),
+    ),
+    Section(
+        "gpu",
+        "On a GPU",
+        "Errors against MuJoCo C on the device, steps per second of a batch, of gradients of 32 "
+        "steps (forward and back) and of training. Programs were compiled several at a time.",
+        plain(
+            "kind",
+            "model",
+            "engine",
+            "batch",
+            "note",
+            "steps/s",
+            "spread %",
+            "qacc error",
+            "gradient error",
+            "return",
+            "compile s",
+            "memory MB",
+            "why",
         ),
     ),
     Section(

@@ -38,6 +38,15 @@ def common(monkeypatch):
 
 
 @pytest.fixture
+def gpu(monkeypatch):
+    """The benchmark of GPUs."""
+    monkeypatch.syspath_prepend(str(SCRIPTS))
+    import gpu
+
+    return gpu
+
+
+@pytest.fixture
 def page(monkeypatch):
     """The generator of the benchmarks' page."""
     monkeypatch.syspath_prepend(str(SCRIPTS))
@@ -103,6 +112,28 @@ def test_a_soak_asks_mujoco_about_what_diverged(common):
         states = jax.tree.map(lambda x: x[None], jaxsim.make_state(jaxsim.load(mj)))
         count.add(mj, states, np.ones((1, 5, 1)), np.array([True]), np.zeros(1))
     assert (count.diverged, count.alone) == (2, 1)
+
+
+def test_rows_of_a_gpu_are_measured(gpu):
+    """Each kind in tiny sizes, as `gpu.py --cpu` has them, but in this process."""
+    import gpu_worker
+
+    rows = {r["kind"]: r for r in gpu._tiny_rows(gpu._options(["--cpu"])) if r["engine"][0] != "m"}
+    assert set(rows) == {"check", "rate", "gradient", "train"}
+    errors = gpu_worker.check(rows["check"], prepare=False)
+    assert max(errors["qacc error"], errors["gradient error"]) < 1e-4
+    assert gpu_worker.rate(rows["rate"], prepare=True)["compile s"] > 0
+    for kind in ("rate", "gradient", "train"):
+        assert getattr(gpu_worker, kind)(rows[kind], prepare=False)["steps/s"] > 0
+
+
+def test_a_row_of_a_gpu_that_fails_says_why_and_stops_no_other(gpu, monkeypatch, capsys):
+    fail = [gpu._row("rate", "double_pendulum", "none", steps=1), gpu._row("check", "nobody", "x")]
+    monkeypatch.setattr(gpu, "_tiny_rows", lambda options: fail)
+    gpu.main(["--cpu", "--dry"])
+    said = capsys.readouterr().out
+    assert "repetitions" in said
+    assert "nobody" in said
 
 
 @pytest.mark.slow

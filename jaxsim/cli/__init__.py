@@ -110,10 +110,11 @@ Run a benchmark of a clone of the repository; `jaxsim bench NAME --help` lists i
   throughput    steps per second of whole batches, beside MuJoCo C and MJX
   scaling       the same against the size of the batch and the number of cores
   gradients     cost, memory and accuracy of reverse mode through many steps
-  profile       the share of each stage in a step
+  stages        the share of each stage in a step
   solver        the constraint problem by itself
   dynamics      the recursions by themselves
   training      returns of trained policies against wall time
+  gpu           errors and speed on a GPU, all in some minutes
   gpu_programs  what a step consists of on a GPU, counted without one
 """
 
@@ -272,7 +273,7 @@ def _add_simulate(commands) -> None:
 
 def _add_bench(commands) -> None:
     bench = _add(commands, "bench", "run a benchmark", _BENCH)
-    names = "throughput scaling gradients profile solver dynamics training gpu_programs".split()
+    names = "throughput scaling gradients stages solver dynamics training gpu_programs gpu".split()
     bench.add_argument("benchmark", choices=names, help="which one")
     bench.add_argument("options", nargs=argparse.REMAINDER, help="passed on to it")
 

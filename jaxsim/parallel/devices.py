@@ -1,5 +1,6 @@
 """One program on all devices, each of which has its part of the batch."""
 
+import functools
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -14,6 +15,8 @@ AXIS = "batch"
 # Passes of XLA's CPU compiler: threads for single kernels; the end of optimisation barriers; and
 # its own sections, of small loops only and without barriers.
 DISABLED = "cpu-parallel-task-assigner", "cse_barrier_expander", "small-while-loop-hoisting"
+# What a GPU does without asking the host in between: XLA's defaults, and loops and branches.
+BUFFERED = "FUSION", "CUBLAS", "CUBLASLT", "CUSTOM_CALL", "CUDNN", "WHILE", "CONDITIONAL"
 SPLIT, EVERYWHERE = PartitionSpec(AXIS), PartitionSpec()
 
 
@@ -29,23 +32,44 @@ def dividing_mesh(batch: int) -> Mesh:
 
 
 def compiler_options(platform: str) -> dict[str, Any] | None:
-    """What suits many small kernels over long vectors; None for XLA's defaults.
+    """What suits many small kernels over long vectors; None for XLA's defaults."""
+    if platform == "cpu":
+        return _cpu_options()
+    return _gpu_options() if platform == "gpu" else None
 
-    Devices are our threads. XLA's own cost more than they give, both those inside a kernel, which
-    the pass that assigns them would give to every kernel of some size, and those that take kernels
-    that are ready at the same time away from the cache that holds their operands: a schedule that
-    reuses memory early leaves fewer of them. Optimisation barriers are kept: sections need them,
-    and they cost nothing at run time. Vectors as wide as the processor has them are 3 to 5 per cent
-    faster than what LLVM prefers.
+
+def _cpu_options() -> dict[str, Any]:
+    """Devices are our threads.
+
+    XLA's own cost more than they give, both those inside a kernel, which the pass that assigns them
+    would give to every kernel of some size, and those that take kernels that are ready at the same
+    time away from the cache that holds their operands: a schedule that reuses memory early leaves
+    fewer of them. Optimisation barriers are kept: sections need them, and they cost nothing at run
+    time. Vectors as wide as the processor has them are 3 to 5 per cent faster than what LLVM
+    prefers.
     """
-    if platform != "cpu":
-        return None
     return {
         "xla_cpu_multi_thread_eigen": False,
         "xla_cpu_prefer_vector_width": 512,
         "xla_cpu_scheduler_type": "CPU_SCHEDULER_TYPE_MEMORY_OPTIMIZED",
         "xla_disable_hlo_passes": ",".join(DISABLED),
     }
+
+
+@functools.cache
+def _gpu_options() -> dict[str, Any] | None:
+    """Loops and branches in command buffers, where the compiler has such.
+
+    XLA otherwise waits for the device after each turn of a loop, to ask whether there is another
+    one. On an H100 with 8,192 environments this made hopper 1.6 times, half_cheetah and ant 1.3
+    times as fast, and a humanoid 3 per cent slower.
+    """
+    options = {"xla_gpu_enable_command_buffer": ",".join(BUFFERED)}
+    try:
+        jax.jit(lambda x: x, compiler_options=options).lower(0.0).compile()
+    except jax.errors.JaxRuntimeError:
+        return None
+    return options
 
 
 def compiled(f: Callable, platform: str) -> Callable:
