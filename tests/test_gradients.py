@@ -136,6 +136,7 @@ def _assert_reverse_mode(model, states, ctrl, about, slopes, rng):
     assert_same(got, weight @ slopes, 1e-10)
 
 
+@pytest.mark.slow
 def test_neither_strategy_nor_iterations_change_derivatives(rng):
     mj = converging(SMALL)
     datas, model = rollout(mj, 6, 20, seed=5), load(mj)

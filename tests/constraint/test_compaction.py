@@ -65,7 +65,9 @@ def both_ways(cone, condim):
     return model, compiled(model), whole
 
 
-@pytest.mark.parametrize(("cone", "condim"), [("pyramidal", 3), ("elliptic", 4)])
+@pytest.mark.parametrize(
+    ("cone", "condim"), [("pyramidal", 3), pytest.param("elliptic", 4, marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize("standing", [[0, 0, 0], [1, 0, 1], [2, 1, 0], [3, 0, 1], [3, 3, 3]])
 def test_accelerations_do_not_depend_on_how_many_contacts_push(cone, condim, standing):
     model, shortening, whole = both_ways(cone, condim)

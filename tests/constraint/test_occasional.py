@@ -69,8 +69,15 @@ def jacobians_alone():
 
 
 @pytest.mark.usefixtures("x64")
-@pytest.mark.parametrize("vmap", [jax.vmap, jaxsim.vmap])
-@pytest.mark.parametrize("hessian", ["dense", "iterative"])
+@pytest.mark.parametrize(
+    ("vmap", "hessian"),
+    [
+        (jax.vmap, "dense"),
+        (jaxsim.vmap, "iterative"),
+        pytest.param(jax.vmap, "iterative", marks=pytest.mark.slow),
+        pytest.param(jaxsim.vmap, "dense", marks=pytest.mark.slow),
+    ],
+)
 @pytest.mark.parametrize("chosen", [[0, 1], [2, 3], [0, 1, 2, 3]])
 def test_each_as_alone(vmap, hessian, chosen):
     """An environment moves as it does alone, whatever the others meet."""

@@ -43,14 +43,18 @@ INTEGRATORS = {
 DEFAULT_BUNDLED = ("box_on_plane", "half_cheetah")
 
 
-def test_one_step_with_every_integrator(x64):
+@pytest.mark.parametrize(
+    "integrators",
+    [("EULER", "IMPLICITFAST"), pytest.param(("IMPLICIT", "RK4"), marks=pytest.mark.slow)],
+)
+def test_one_step_with_every_integrator(integrators, x64):
     """The states before each step of a MuJoCo rollout, as one batch."""
     mj = converging(ROBOT, "elliptic")
     datas, model = rollout(mj, 12, 25, seed=3), load(mj)
     states, ctrl = batch_states(model, datas)
 
     def steps(state, ctrl):
-        options = {name: model.opt.replace(integrator=i) for name, i in INTEGRATORS.items()}
+        options = {n: model.opt.replace(integrator=INTEGRATORS[n]) for n in integrators}
         return {name: step(model.replace(opt=o), state, ctrl) for name, o in options.items()}
 
     got = quick_jit(jax.vmap(steps))(states, ctrl)
@@ -63,6 +67,7 @@ def test_one_step_with_every_integrator(x64):
             assert_close(getattr(state, field), expected, tolerance, tolerance, f"{name} {field}")
 
 
+@pytest.mark.slow
 def test_divergence_is_not_faster_than_chaos(x64):
     mj = converging(ROBOT, "elliptic")
     start = rollout(mj, 2, 150, seed=3)[-1]
