@@ -16,6 +16,8 @@ FIELDS = (
 class Contacts:
     """The part of a contact record that wrenches and sensors read."""
 
+    dist: Array
+    includemargin: Array
     pos: Array
     frame: Array
     geom1: Array
@@ -58,7 +60,10 @@ def record(mj, d) -> dict:
     for i in range(d.ncon):
         mujoco.mj_contactForce(mj, d, i, force[i])
     geom, frame = _padded(d.contact.geom), _padded(d.contact.frame).reshape(-1, 3, 3)
-    values["contact"] = Contacts(_padded(d.contact.pos), frame, geom[:, 0], geom[:, 1])
+    dist = _padded(d.contact.dist) + 1e6 * (np.arange(MAX_CONTACTS) >= d.ncon)
+    margin = _padded(d.contact.includemargin)
+    pos = _padded(d.contact.pos)
+    values["contact"] = Contacts(dist, margin, pos, frame, geom[:, 0], geom[:, 1])
     return values | {"contact_force": force}
 
 

@@ -22,8 +22,10 @@ _SITE = int(mujoco.mjtObj.mjOBJ_SITE)
 
 
 class ContactGeometry(Protocol):
-    """The fields of `jaxsim.collision.Contact` that are read here."""
+    """The fields of `jaxsim.collision.Contact` that are read here and by sensors."""
 
+    dist: Float[Array, "nc"]
+    includemargin: Float[Array, "nc"]
     pos: Float[Array, "nc 3"]
     frame: Float[Array, "nc 3 3"]
     geom1: Int[Array, "nc"] | np.ndarray

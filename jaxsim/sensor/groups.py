@@ -20,8 +20,8 @@ class Group:
       kind: name of the sensors' type, `mujoco.mjtSensor` without its prefix.
       objtype: `mujoco.mjtObj` of the objects.
       reftype: `mujoco.mjtObj` of the reference objects; -1 for none.
-      variant: type of the joint, shape of the site, or bits of the sensor's data, if the function
-        depends on it; else -1.
+      variant: type of the joint, or shape of the site, if the function depends on it; else -1.
+      intprm: MuJoCo's integer parameters: which data are read, and how they are reduced.
       sensors: (n,) ids of the sensors.
       obj: (n,) ids of their objects.
       ref: (n,) ids of their reference objects.
@@ -31,6 +31,7 @@ class Group:
     objtype: int
     reftype: int
     variant: int
+    intprm: tuple[int, ...]
     sensors: np.ndarray
     obj: np.ndarray
     ref: np.ndarray
@@ -45,15 +46,15 @@ def group_sensors(model: Model) -> tuple[Group, ...]:
     Raises:
       ModelError: a sensor is attached to a camera.
     """
-    keys: dict[tuple[str, int, int, int], list[int]] = {}
+    keys: dict[tuple[str, int, int, int, tuple[int, ...]], list[int]] = {}
     for s in range(model.nsensor):
         keys.setdefault(_key(model, s), []).append(s)
     return tuple(_group(model, *key, ids) for key, ids in sorted(keys.items()))
 
 
-def _group(model: Model, kind, objtype, reftype, variant, ids) -> Group:
+def _group(model: Model, kind, objtype, reftype, variant, intprm, ids) -> Group:
     obj, ref = model.sensor_objid[ids], model.sensor_refid[ids]
-    return Group(kind, objtype, reftype, variant, np.array(ids), obj, ref)
+    return Group(kind, objtype, reftype, variant, intprm, np.array(ids), obj, ref)
 
 
 def kinds(model: Model) -> frozenset[str]:
@@ -65,7 +66,7 @@ def _kind(model: Model, s: int) -> str:
     return mujoco.mjtSensor(int(model.sensor_type[s])).name.removeprefix("mjSENS_")
 
 
-def _key(model: Model, s: int) -> tuple[str, int, int, int]:
+def _key(model: Model, s: int) -> tuple[str, int, int, int, tuple[int, ...]]:
     kind, objtype, obj = _kind(model, s), int(model.sensor_objtype[s]), model.sensor_objid[s]
     ref = model.sensor_refid[s]
     reftype = int(model.sensor_reftype[s]) if ref >= 0 else -1
@@ -77,8 +78,6 @@ def _key(model: Model, s: int) -> tuple[str, int, int, int]:
         variant = int(model.jnt_type[obj])
     elif kind == "TOUCH":
         variant = int(model.site_type[obj])
-    elif kind == "RANGEFINDER":
-        variant = int(model.sensor_intprm[s, 0])
     elif reftype == _SITE and kind == "INSIDESITE":
         variant = int(model.site_type[ref])
-    return kind, objtype, reftype, variant
+    return kind, objtype, reftype, variant, tuple(model.sensor_intprm[s].tolist())

@@ -32,7 +32,7 @@ def rangefinder(r: Readings, g: Group) -> Float[Array, "n dim"]:
         _Data.mjRAYDATA_NORMAL: hit.normal,
         _Data.mjRAYDATA_DEPTH: distance,
     }
-    asked = [value for bit, value in data.items() if g.variant >> int(bit) & 1]
+    asked = [value for bit, value in data.items() if g.intprm[0] >> int(bit) & 1]
     return jnp.concatenate(asked, axis=1)
 
 

@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 from jaxsim.arrays.indexing import take
 from jaxsim.model import Model
 from jaxsim.sensor import acceleration, position, velocity
+from jaxsim.sensor.contact import contact
 from jaxsim.sensor.groups import Group, group_sensors, kinds
 from jaxsim.sensor.rangefinder import rangefinder
 from jaxsim.sensor.readings import Readings
@@ -17,6 +18,7 @@ from jaxsim.sensor.touch import touch
 _SENSOR_OFF = mujoco.mjtDisableBit.mjDSBL_SENSOR
 _REAL = int(mujoco.mjtDataType.mjDATATYPE_REAL)
 _POSITIVE = int(mujoco.mjtDataType.mjDATATYPE_POSITIVE)
+_UNCUT = (int(mujoco.mjtSensor.mjSENS_CONTACT), int(mujoco.mjtSensor.mjSENS_GEOMFROMTO))
 
 _LENGTHS = ("tendon_length", "tendon_velocity")
 _FORCES = ("qacc", "body_wrench")
@@ -53,6 +55,7 @@ SENSORS = {
     "SUBTREELINVEL": (velocity.subtreelinvel, ()),
     "SUBTREEANGMOM": (velocity.subtreeangmom, ()),
     "TOUCH": (touch, ("contact", "contact_force")),
+    "CONTACT": (contact, ("contact", "contact_force")),
     "ACCELEROMETER": (acceleration.accelerometer, ("qacc",)),
     "FORCE": (acceleration.force, _FORCES),
     "TORQUE": (acceleration.torque, _FORCES),
@@ -107,10 +110,10 @@ def _addresses(model: Model, g: Group) -> np.ndarray:
 def _cut_off(model: Model, values: Float[Array, "nsensordata"]) -> Float[Array, "nsensordata"]:
     """Clip readings at a positive cutoff: real numbers on both sides, positive ones above.
 
-    Axes and quaternions are never cut.
+    Axes, quaternions and the data of contacts are never cut.
     """
     sensor = np.repeat(np.arange(model.nsensor), model.sensor_dim)
-    kind = model.sensor_datatype[sensor]
+    kind = np.where(np.isin(model.sensor_type, _UNCUT), -1, model.sensor_datatype)[sensor]
     if not np.isin(kind, (_REAL, _POSITIVE)).any():
         return values
     cutoff = take(model.sensor_cutoff, sensor)
