@@ -31,6 +31,7 @@ from jaxsim.inverse_kinematics import IkResult, PoseTarget, ik
 from jaxsim.io import load, set_const, to_mujoco
 from jaxsim.model import JaxsimError, Model, ModelError, Option, State, make_state
 from jaxsim.parallel import batch_rollout, configure_cpu
+from jaxsim.quantities.distance import GeomDistance, geom_distance
 from jaxsim.quantities.rays import RayHit, ray
 
 __version__ = "0.1.0"
@@ -47,6 +48,7 @@ def __getattr__(name: str):
 __all__ = [
     "ContactReport",
     "Forward",
+    "GeomDistance",
     "IkResult",
     "JaxsimError",
     "Model",
@@ -63,6 +65,7 @@ __all__ = [
     "configure_cpu",
     "forward",
     "forward_dynamics",
+    "geom_distance",
     "ik",
     "inverse",
     "inverse_dynamics",

@@ -8,7 +8,7 @@ too many, and geom ids are traced.
 
 import dataclasses
 import functools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import jax
@@ -96,7 +96,7 @@ def _evaluate(
         chosen, lost = within_reach(excess, count)
         ids = tuple(_take_ids(i, chosen) for i in ids)
     entry = PAIRS[group.types]
-    contacts = _contacts(model, group, shapes, ids[:2])
+    contacts = pair_contacts(model, entry.function, group, shapes, ids[:2])
     if contacts.others is not None:
         others, contacts = contacts.others, contacts.replace(others=None)
         lost = lost + jnp.sum(others < contact_margin(model, *ids)[:, None])
@@ -110,7 +110,13 @@ def _evaluate(
     return _Slots(*geometry, *(i.repeat(entry.max_contacts) for i in ids)), lost
 
 
-def _contacts(model: Any, group: PairGroup, shapes: Shape, geoms: Sequence[Index]) -> Contacts:
+def pair_contacts(
+    model: Any,
+    function: Callable[[Shape, Shape], Contacts],
+    group: PairGroup,
+    shapes: Shape,
+    geoms: Sequence[Index],
+) -> Contacts:
     """The contacts of some pairs of a group."""
     tables = _tables(model, group, shapes.pos.dtype)
     pair = zip(tables, geoms, strict=True)
@@ -118,7 +124,7 @@ def _contacts(model: Any, group: PairGroup, shapes: Shape, geoms: Sequence[Index
 
     def contacts(*posed: tuple[Shape, Any]) -> Contacts:
         pair = zip(tables, posed, strict=True)
-        return PAIRS[group.types].function(
+        return function(
             *(
                 shape if table is None else table.complete(shape, row)
                 for table, (shape, row) in pair

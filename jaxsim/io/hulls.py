@@ -11,6 +11,7 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
+from jaxsim.collision.distance import has_hull, measured_geoms
 from jaxsim.model.names import Label
 from jaxsim.model.problems import Problem
 
@@ -66,10 +67,11 @@ def hull_tables(mj: mujoco.MjModel, label: Label) -> dict[str, np.ndarray]:
 
 
 def _geoms(mj: mujoco.MjModel) -> np.ndarray:
-    """Mesh geoms that may collide, by their masks or in an explicit pair."""
+    """Mesh geoms that may collide, by masks or a pair, or whose distance a sensor measures."""
     masked = (mj.geom_contype | mj.geom_conaffinity) != 0
     paired = np.isin(np.arange(mj.ngeom), np.concatenate([mj.pair_geom1, mj.pair_geom2]))
-    return np.flatnonzero((mj.geom_type == _MESH) & (masked | paired))
+    measured = np.isin(np.arange(mj.ngeom), measured_geoms(mj)) & has_hull(mj)
+    return np.flatnonzero((mj.geom_type == _MESH) & (masked | paired | measured))
 
 
 def _hull(

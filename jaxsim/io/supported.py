@@ -11,6 +11,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from jaxsim.collision.distance import DISTANCE_SENSORS, distance_problems, measured_pairs
 from jaxsim.collision.rays import opaque_geoms, ray_problems
 from jaxsim.collision.table import type_name
 from jaxsim.model.enums import constant_name
@@ -71,7 +72,7 @@ def unsupported(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
             yield Problem(label(kind, i), f"{attribute} is not supported; {remedy}")
     yield from _limits(mj, label)
     yield from _sensors(mj, label)
-    yield from _rays(mj, label)
+    yield from _geometry(mj, label)
 
 
 def _mjcf(constant: str) -> str:
@@ -139,8 +140,15 @@ def _limits(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
             )
 
 
-def _rays(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
-    """Geoms that rays cannot intersect, in models with range finders."""
+def _geometry(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
+    """Geoms without a distance that is measured, or that range finders cannot see."""
+    for s in np.flatnonzero(np.isin(mj.sensor_type, DISTANCE_SENSORS)):
+        for geom in distance_problems(mj, measured_pairs(mj, int(s))):
+            yield Problem(
+                label("sensor", int(s)),
+                f"no distance can be measured to {label('geom', geom)}, a "
+                f"{type_name(mj.geom_type[geom])}; remove it",
+            )
     if mujoco.mjtSensor.mjSENS_RANGEFINDER in mj.sensor_type:
         for geom in ray_problems(mj, opaque_geoms(mj)):
             yield Problem(

@@ -9,6 +9,7 @@ from jaxsim.arrays.indexing import take
 from jaxsim.model import Model
 from jaxsim.sensor import acceleration, position, velocity
 from jaxsim.sensor.contact import contact
+from jaxsim.sensor.distance import geomdist, geomfromto, geomnormal
 from jaxsim.sensor.groups import Group, group_sensors, kinds
 from jaxsim.sensor.rangefinder import rangefinder
 from jaxsim.sensor.readings import Readings
@@ -39,6 +40,9 @@ SENSORS = {
     "MAGNETOMETER": (position.magnetometer, ()),
     "INSIDESITE": (position.insidesite, ()),
     "RANGEFINDER": (rangefinder, ()),
+    "GEOMDIST": (geomdist, ()),
+    "GEOMNORMAL": (geomnormal, ()),
+    "GEOMFROMTO": (geomfromto, ()),
     "E_POTENTIAL": (position.e_potential, ("energy",)),
     "E_KINETIC": (position.e_kinetic, ("energy",)),
     "CLOCK": (position.clock, ("time",)),

@@ -59,12 +59,6 @@ ELEMENTS = {
     '<actuator><motor name="m" joint="hinge" nsample="4" delay="0.01"/></actuator>': (
         "actuator 'm': delay .* remove"
     ),
-    '<sensor><distance name="s" geom1="ball" geom2="other"/></sensor>': (
-        "sensor 's': type 'distance'"
-    ),
-    '<sensor><normal name="s" geom1="ball" geom2="other"/></sensor>': ("sensor 's': type 'normal'"),
-    '<sensor><fromto name="s" geom1="ball" geom2="other"/></sensor>': ("sensor 's': type 'fromto'"),
-    '<sensor><contact name="s" geom1="ball"/></sensor>': "sensor 's': type 'contact'",
     '<sensor><user name="s" dim="1"/></sensor>': "sensor 's': type 'user'",
     '<sensor><jointpos name="s" joint="hinge" nsample="3" delay=".01"/></sensor>': (
         "sensor 's': delay .* remove"
@@ -119,15 +113,15 @@ def test_flags_of_a_later_mujoco_are_refused_by_number():
 
 
 def test_all_reasons_are_listed_and_equal_ones_once():
-    rest = "".join(f'<contact name="c{i}" geom1="ball"/>' for i in range(5))
+    rest = "".join(f'<user name="u{i}" dim="1"/>' for i in range(5))
     options, rest = '<option><flag invdiscrete="enable"/></option>', f"<sensor>{rest}</sensor>"
     with pytest.raises(ModelError) as caught:
         load(_xml(options, 'adhesion="1"', rest))
-    flag, adhesion, contact = caught.value.problems
+    flag, adhesion, user = caught.value.problems
     assert str(caught.value).startswith("3 things in the model are wrong or not supported:\n- opt")
     assert flag.startswith("option flag: invdiscrete")
     assert adhesion.startswith("geom 'ball': adhesion")
-    assert contact.startswith("sensor 'c0', sensor 'c1', sensor 'c2' and 2 more: type 'contact")
+    assert user.startswith("sensor 'u0', sensor 'u1', sensor 'u2' and 2 more: type 'user'")
 
 
 @pytest.mark.parametrize(

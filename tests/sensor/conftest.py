@@ -109,6 +109,10 @@ def sensor_elements() -> list[str]:
     rows += [f'<rangefinder site="{site}"/>' for site in sites]
     rows += ['<rangefinder site="arm" data="dist dir origin point normal depth"/>']
     rows += ['<rangefinder site="hand" data="dist normal" cutoff=".3"/>']
+    for kind, geom in itertools.product(("distance", "normal", "fromto"), ("floor", "rod", "base")):
+        rows.append(f'<{kind} geom1="{geom}" geom2="disc" cutoff="1"/>')
+        rows.append(f'<{kind} body1="disc" body2="hand" cutoff=".2"/>')
+    rows += contact_elements()
     for joint in ("hinge", "slide"):
         rows += [f'<joint{kind} joint="{joint}"/>' for kind in ("pos", "vel", "actuatorfrc")]
     rows += ['<ballquat joint="ball"/>', '<ballangvel joint="ball"/>']
@@ -125,6 +129,20 @@ def sensor_elements() -> list[str]:
         rows.append(f'<subtree{kind} body="{body}"/>')
     rows += ["<e_potential/>", "<e_kinetic/>", "<clock/>", '<clock cutoff=".01"/>']
     return rows + frame_elements()
+
+
+def contact_elements() -> list[str]:
+    """MJCF of contact sensors on all kinds of objects, with all data and all ways to reduce."""
+    data = "found force torque dist pos normal tangent"
+    ends = ('geom1="base"', 'geom2="disc"', 'body1="rod" geom2="floor"', 'subtree2="arm"', "")
+    ends += ('geom1="floor" subtree2="base"', 'subtree1="base" geom2="floor"', 'site="fixed"')
+    rows = ['<contact geom1="rod"/>', '<contact body2="disc" data="force normal" cutoff=".1"/>']
+    for end in ends:
+        rows.append(f'<contact {end} data="{data}" reduce="netforce"/>')
+        rows.append(f'<contact {end} data="{data} linvel angvel" num="3"/>')
+        rows.append(f'<contact {end} data="{data}" reduce="mindist" num="2"/>')
+        rows.append(f'<contact {end} data="{data} angvel" reduce="maxforce"/>')
+    return rows
 
 
 def frame_elements() -> list[str]:

@@ -14,10 +14,13 @@ from jaxsim.collision.shapes import INACTIVE, Contacts, Shape
 
 
 def convex_pair(
-    first: type[Solid], second: type[Solid]
+    first: type[Solid], second: type[Solid], max_contacts: int = 4
 ) -> tuple[Callable[[Shape, Shape], Contacts], int]:
-    """The pair function of two kinds of solid, and its number of contact slots."""
-    count = min(first.max_contacts, second.max_contacts)
+    """The pair function of two kinds of solid, and its number of contact slots.
+
+    With one contact, that is between the nearest points.
+    """
+    count = min(first.max_contacts, second.max_contacts, max_contacts)
 
     def pair(shape1: Shape, shape2: Shape) -> Contacts:
         solids = SolidPair(first(shape1), second(shape2))
