@@ -150,7 +150,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 class UsageError(Exception):
-    """A request that cannot be met, told to the user in one sentence and without a traceback."""
+    """An invalid request, reported to the user in one sentence without a traceback."""
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -170,7 +170,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add(commands, name: str, summary: str, description: str, epilog: str | None = None):
-    """A command, its help laid out as written here."""
+    """Add a command, with its help formatted as written here."""
     return commands.add_parser(
         name,
         help=summary,

@@ -12,7 +12,7 @@ FOLDER = pathlib.Path(__file__).parents[2] / "benchmarks"
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run one benchmark in a process of its own, which sets up JAX for itself."""
+    """Run one benchmark in a separate process, which sets up JAX itself."""
     script = FOLDER / f"{arguments.benchmark}.py"
     if not script.is_file():
         raise UsageError(

@@ -1,6 +1,6 @@
-"""Compiled programs kept for the next call of the command line, in the user's cache directory.
+"""A cache of compiled programs for the command line, in the user's cache directory.
 
-Only the command line does this: a library must not write files unasked.
+Only the command line uses it: a library must not write files without being asked.
 """
 
 import hashlib
@@ -16,10 +16,10 @@ LARGEST = 2_000_000_000  # bytes; beyond them the oldest programs go
 
 
 def enable() -> pathlib.Path | None:
-    """Let JAX keep what it compiles; a cache that the user has set up for JAX stays.
+    """Turn on JAX's compilation cache, unless the user has already set one up.
 
     Returns:
-      The directory, or None where nothing is kept.
+      The directory, or None if there is no cache.
     """
     folder = directory()
     if folder is None or jax.config.jax_compilation_cache_dir:
@@ -36,7 +36,7 @@ def enable() -> pathlib.Path | None:
 
 
 def directory() -> pathlib.Path | None:
-    """The user's cache directory as the platform has it; None if it is turned off."""
+    """The platform's cache directory of the user; None if the cache is turned off."""
     if VARIABLE in os.environ:
         chosen = os.environ[VARIABLE]
         return pathlib.Path(chosen) if chosen else None
@@ -51,7 +51,7 @@ def directory() -> pathlib.Path | None:
 
 
 def _processor() -> str:
-    """A name for this kind of processor: several machines may share a home directory."""
+    """A name for this type of processor, because several machines may share a home directory."""
     flags = [platform.machine(), platform.processor()]
     info = pathlib.Path("/proc/cpuinfo")
     if info.is_file():
@@ -62,7 +62,7 @@ def _processor() -> str:
 
 
 def _prune(folder: pathlib.Path) -> None:
-    """Remove the oldest files until the rest is small enough."""
+    """Remove the oldest files until the total size is within the limit."""
     files = [(path, path.stat()) for path in folder.iterdir() if path.is_file()]
     excess = sum(stat.st_size for _, stat in files) - LARGEST
     for path, stat in sorted(files, key=lambda file: file[1].st_mtime):

@@ -8,14 +8,14 @@ from jaxsim.envs.registry.describe import describe
 
 
 def run(_: argparse.Namespace) -> int:
-    """Print one line per environment: its name, its sizes and what is to be done in it."""
+    """Print one line for each environment: its name, its sizes and its task."""
     rows = ((name, *_row(name)) for name in jaxsim.envs.names())
     listing("environment", ("observation", "action", "steps"), "task", rows)
     return 0
 
 
 def _row(name: str) -> tuple[int | str, int | str, int | str, str]:
-    """Sizes of observation and action, length of an episode, and what is to be done."""
+    """Sizes of observation and action, length of an episode, and the task."""
     spec = jaxsim.envs.spec(name)
     page = describe(spec.load())
     sizes = page.sizes.get("observation", "-"), page.sizes.get("action", "-")

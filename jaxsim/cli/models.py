@@ -10,7 +10,7 @@ from jaxsim.io import bundled_models, bundled_xml
 
 
 def run(_: argparse.Namespace) -> int:
-    """Print one line per bundled model: its name, its sizes and what it is."""
+    """Print one line for each bundled model: its name, its sizes and a description."""
     listing("model", ("nq", "nv", "nu"), "what it is", map(_row, bundled_models()))
     return 0
 

@@ -1,4 +1,4 @@
-"""What commands write to the terminal: reports on standard output, notes on standard error."""
+"""Output of commands to the terminal: reports on standard output, notes on standard error."""
 
 from collections.abc import Iterable, Mapping
 
@@ -9,7 +9,7 @@ import rich.text
 
 
 def report(rows: Mapping[str, str]) -> None:
-    """Print a table of two columns; the text is taken as it is, without markup."""
+    """Print a table of two columns, without interpreting markup."""
     table = rich.table.Table(show_header=False, box=None)
     table.add_column(style="bold", no_wrap=True)
     table.add_column()
@@ -19,7 +19,7 @@ def report(rows: Mapping[str, str]) -> None:
 
 
 def listing(name: str, sizes: Iterable[str], about: str, rows: Iterable[Iterable[object]]) -> None:
-    """Print a table of names with some sizes and a sentence each, as they are."""
+    """Print a table of names with sizes and a sentence each, without interpreting markup."""
     table = rich.table.Table(box=None)
     table.add_column(name, no_wrap=True)
     for size in sizes:
@@ -31,5 +31,5 @@ def listing(name: str, sizes: Iterable[str], about: str, rows: Iterable[Iterable
 
 
 def note(text: str) -> None:
-    """Print a sentence for the user; brackets stand for themselves."""
+    """Print a sentence for the user, without interpreting markup."""
     rich.console.Console(stderr=True, soft_wrap=True).print(text, markup=False)

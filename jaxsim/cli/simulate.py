@@ -21,7 +21,7 @@ from jaxsim.parallel.devices import EVERYWHERE, SPLIT, dividing_mesh, parallel, 
 
 @dataclasses.dataclass(frozen=True)
 class Result:
-    """What a run leaves: the last states and how long things took, in seconds."""
+    """The result of a simulation: the last states and the times in seconds."""
 
     states: jaxsim.State
     devices: int
@@ -43,13 +43,13 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def prepare_cpu() -> None:
-    """`configure_cpu`, unless the program that called us has used JAX before."""
+    """Call `configure_cpu`, unless the calling program has already used JAX."""
     with contextlib.suppress(RuntimeError):
         jaxsim.configure_cpu()
 
 
 def simulate(model: jaxsim.Model, state: jaxsim.State, arguments: argparse.Namespace) -> Result:
-    """Step all environments, a chunk at a time, and watch for those that diverge."""
+    """Simulate all environments in chunks of steps, and count those that diverge."""
     mesh = dividing_mesh(arguments.envs)
     advance = compiled_chunk(model, arguments.ctrl, mesh)
     states, keys = initial_states(state, arguments.envs, arguments.seed, mesh)
@@ -76,8 +76,8 @@ def simulate(model: jaxsim.Model, state: jaxsim.State, arguments: argparse.Names
 def compiled_chunk(model: jaxsim.Model, ctrl: str, mesh: Mesh) -> Callable:
     """The function `(states, keys, count) -> (states, keys, diverged)`, over all devices.
 
-    It takes `count` steps of every environment; the number is not known when it is compiled, so
-    that a shorter last chunk costs no second compilation, and a chunk of no steps warms it up.
+    It takes `count` steps of every environment. The count is a traced argument, so that a shorter
+    last chunk needs no second compilation, and a chunk of zero steps warms it up.
     """
 
     def advance(state, key, count):

@@ -1,4 +1,4 @@
-"""`jaxsim train`: a policy from nothing, with logs, checkpoints, a curve and a video."""
+"""`jaxsim train`: train a policy, with logs, checkpoints, a learning curve and a video."""
 
 import argparse
 import datetime
@@ -56,14 +56,14 @@ def _train(arguments: argparse.Namespace) -> Result:
 
 
 def _watch(arguments: argparse.Namespace) -> Watch | None:
-    """A page for the present policy, if it is asked for."""
+    """The live page of the current policy, if requested."""
     if not (arguments.watch and distributed.is_main()):
         return None
     return Watch(make_env(arguments.env, rl.resolve(arguments.env, arguments.algorithm or "ppo")))
 
 
 def _finish(arguments: argparse.Namespace, result: Result) -> None:
-    """Curve, video, report."""
+    """Write the learning curve and the video, and print the report."""
     assert result.directory is not None
     if result.finished:
         note(
@@ -107,7 +107,7 @@ def _rows(result: Result, command: str) -> dict[str, str]:
 
 
 def _next(arguments: argparse.Namespace, result: Result) -> str:
-    """The command that plays the policy, or goes on with the training."""
+    """The command that plays the policy, or that continues the training."""
     words = ["jaxsim", "play", str(result.directory)]
     if result.interrupted:
         words = ["jaxsim", "train", arguments.env, "--resume", str(result.directory)]

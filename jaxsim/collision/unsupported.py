@@ -7,7 +7,7 @@ import numpy as np
 
 from jaxsim.collision.table import PAIRS, supported_pairs, type_name
 from jaxsim.model.names import Label
-from jaxsim.model.problems import Problem
+from jaxsim.model.problems import ModelProblem
 
 _NAMED = 10  # most pairs that a message names
 # For dynamic pairs, and for explicit pairs, to which these filters do not apply.
@@ -23,7 +23,7 @@ def is_supported(model: Any, rows: np.ndarray) -> np.ndarray:
     return np.array([tuple(pair) in PAIRS for pair in types], bool)
 
 
-def unsupported_pairs(model: Any, rows: np.ndarray, label: Label) -> Iterator[Problem]:
+def unsupported_pairs(model: Any, rows: np.ndarray, label: Label) -> Iterator[ModelProblem]:
     """Problems of candidate pairs without a pair function; one for each pair of shape types.
 
     Args:
@@ -35,7 +35,7 @@ def unsupported_pairs(model: Any, rows: np.ndarray, label: Label) -> Iterator[Pr
     first = np.sort(np.unique(asked, axis=0, return_index=True)[1])
     for row, (*types, explicit) in zip(rows[first], asked[first].tolist(), strict=True):
         if tuple(types) not in PAIRS:
-            yield Problem(
+            yield ModelProblem(
                 " and ".join(label("geom", int(geom)) for geom in row[:2]),
                 f"{type_name(types[0])} and {type_name(types[1])} may collide, but the supported "
                 f"pairs of shapes are {supported_pairs()}; {_REMEDIES[explicit]}",

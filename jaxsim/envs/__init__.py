@@ -1,4 +1,4 @@
-"""Environments for reinforcement learning: `make`, `register`, and what they are made of.
+"""Environments for reinforcement learning: `make`, `register`, and the parts of environments.
 
 Example:
   >>> import jax, jaxsim

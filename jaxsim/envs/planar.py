@@ -1,4 +1,4 @@
-"""What hopper and walker2d share: run in a plane, and do not fall."""
+"""Common base of hopper and walker2d: running in a plane without falling."""
 
 import jax.numpy as jnp
 from flax import struct

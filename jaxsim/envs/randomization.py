@@ -19,11 +19,11 @@ def randomize(
     damping: Range | None = (0.7, 1.3),
     strength: Range | None = (0.9, 1.1),
 ) -> Env:
-    """The same environment with other masses, friction, damping and motors.
+    """The environment with random masses, friction, damping and motor strengths.
 
-    Every number is multiplied by a factor of its own, uniform within the range; None leaves it.
-    For other distributions write a function like this one: it takes and returns an environment,
-    nothing is mutated. A batch of environments is
+    Each number is multiplied by its own factor, uniform within the range; None keeps it unchanged.
+    For other distributions, write a similar function from an environment to an environment. A
+    batch of environments is
     `jaxsim.vmap(randomize, in_axes=(None, 0))(env, keys)`.
 
     Args:

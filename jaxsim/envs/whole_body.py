@@ -1,4 +1,4 @@
-"""What humanoid and humanoid_standup share: the observation of a whole body."""
+"""Common base of humanoid and humanoid_standup: the observation of a whole body."""
 
 import jax.numpy as jnp
 from flax import struct
@@ -27,7 +27,7 @@ class WholeBody(Task):
         return uniform_start(self.model, key, self.reset_noise_scale)
 
     def observe(self, now):
-        """Positions but x and y, velocities, and what the options ask for."""
+        """Positions except x and y, velocities, and the groups that the options select."""
         skip = 2 * self.exclude_current_positions_from_observation
         parts = [now.qpos[skip:], now.qvel]
         if self.include_cinert_in_observation:

@@ -13,7 +13,7 @@ import numpy as np
 
 from jaxsim.collision.distance import has_hull, measured_geoms
 from jaxsim.model.names import Label
-from jaxsim.model.problems import Problem
+from jaxsim.model.problems import ModelProblem
 
 # Faces with more corners are simplified: 16 are enough for face contacts, as for cylinders.
 MAX_SIDES = 16
@@ -23,12 +23,14 @@ MANY_CORNERS = 128
 _MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
 
 
-def flat_meshes(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
+def flat_meshes(mj: mujoco.MjModel, label: Label) -> Iterator[ModelProblem]:
     """Problems of geoms that may collide and whose convex hull has no volume."""
     for geom in _geoms(mj):
         mesh, size = mj.geom_dataid[geom], mj.geom_size[geom]
         if not mj.mesh_polynum[mesh] or size.min() < 1e-6 * size.max():
-            yield Problem(label("geom", int(geom)), "may collide, but the hull of its mesh is flat")
+            yield ModelProblem(
+                label("geom", int(geom)), "may collide, but the hull of its mesh is flat"
+            )
 
 
 def hull_tables(mj: mujoco.MjModel, label: Label) -> dict[str, np.ndarray]:

@@ -10,7 +10,7 @@ import numpy as np
 from jaxsim.arrays.constants import MINVAL
 from jaxsim.model.model import Model, Option
 from jaxsim.model.names import Label
-from jaxsim.model.problems import Problem, rows
+from jaxsim.model.problems import ModelProblem, rows
 
 # Kind of element for the prefix of a field's name.
 _KINDS = {
@@ -49,17 +49,17 @@ _NOT_NEGATIVE = (
 )
 
 
-def impossible(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
+def impossible(mj: mujoco.MjModel, label: Label) -> Iterator[ModelProblem]:
     """All numbers in a compiled model that are not finite or physically impossible."""
     yield from _not_finite(mj, label)
     if not mj.opt.timestep > 0:
-        yield Problem("option", f"timestep must be positive, got {mj.opt.timestep:g}")
+        yield ModelProblem("option", f"timestep must be positive, got {mj.opt.timestep:g}")
     for medium in ("density", "viscosity"):
         if getattr(mj.opt, medium) < 0:
-            yield Problem("option", f"{medium} must not be negative")
+            yield ModelProblem("option", f"{medium} must not be negative")
     for field in _NOT_NEGATIVE:
         for i in rows(getattr(mj, field) < 0):
-            yield Problem(
+            yield ModelProblem(
                 _element(mj, label, field, i), f"{_attribute(field)} must not be negative"
             )
     yield from _triangle(mj, label)
@@ -83,18 +83,18 @@ def _attribute(field: str) -> str:
     return _MJCF_NAMES.get(field, field.partition("_")[2] or field)
 
 
-def _not_finite(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
+def _not_finite(mj: mujoco.MjModel, label: Label) -> Iterator[ModelProblem]:
     """Numbers that are not finite in JAX's default float type."""
     for field in dataclasses.fields(Model):
         value = getattr(mj, field.name, None)
         if isinstance(value, np.ndarray) and value.size and field.metadata.get("pytree_node", True):
             for i in rows(~_finite(value)):
-                yield Problem(
+                yield ModelProblem(
                     _element(mj, label, field.name, i), f"{_attribute(field.name)} is not finite"
                 )
     for field in dataclasses.fields(Option):
         if not np.all(_finite(getattr(mj.opt, field.name))):
-            yield Problem("option", f"{field.name} is not finite")
+            yield ModelProblem("option", f"{field.name} is not finite")
 
 
 def _finite(value) -> np.ndarray:
@@ -102,20 +102,20 @@ def _finite(value) -> np.ndarray:
         return np.isfinite(np.asarray(value).astype(jnp.result_type(float)))
 
 
-def _triangle(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
+def _triangle(mj: mujoco.MjModel, label: Label) -> Iterator[ModelProblem]:
     """Principal moments that violate the triangle inequality."""
     for b in range(1, mj.nbody):
         inertia = mj.body_inertia[b]
         # Slack for rounding: a flat body meets the bound exactly.
         if min(inertia) >= 0 and 2 * inertia.max() > inertia.sum() * (1 + 1e-4):
-            yield Problem(
+            yield ModelProblem(
                 label("body", b),
                 f"inertia {inertia.tolist()} breaks the triangle inequality; no principal moment "
                 "may exceed the sum of the other two",
             )
 
 
-def _moving_mass(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
+def _moving_mass(mj: mujoco.MjModel, label: Label) -> Iterator[ModelProblem]:
     """Jointed bodies whose subtree has no mass, so that the mass matrix is singular."""
     carried = np.zeros(mj.nbody)
     np.add.at(carried, mj.body_weldid, mj.body_mass)
@@ -126,6 +126,6 @@ def _moving_mass(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
         start = mj.body_dofadr[b]
         armature = mj.dof_armature[start : start + mj.body_dofnum[b]]
         if below[b] < MINVAL and (armature < MINVAL).any():
-            yield Problem(
+            yield ModelProblem(
                 label("body", int(b)), "a moving body needs mass, or armature on its joints"
             )

@@ -16,7 +16,7 @@ from jaxsim.collision.rays import opaque_geoms, ray_problems
 from jaxsim.collision.table import type_name
 from jaxsim.model.enums import constant_name
 from jaxsim.model.names import Label
-from jaxsim.model.problems import Problem, rows
+from jaxsim.model.problems import ModelProblem, rows
 from jaxsim.sensor import SENSORS
 
 _ENABLE_FLAGS = "OVERRIDE ENERGY FWDINV SLEEP"
@@ -61,7 +61,7 @@ _OPTIONS = (
 )
 
 
-def unsupported(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
+def unsupported(mj: mujoco.MjModel, label: Label) -> Iterator[ModelProblem]:
     """All unsupported features that a compiled model uses, each with a remedy."""
     yield from _options(mj)
     for choice in _CHOICES:
@@ -69,7 +69,7 @@ def unsupported(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
             yield from _chosen(choice, label(choice.kind, i), value)
     for kind, attribute, values, remedy in _attributes(mj):
         for i in rows(np.asarray(values) != 0):
-            yield Problem(label(kind, i), f"{attribute} is not supported; {remedy}")
+            yield ModelProblem(label(kind, i), f"{attribute} is not supported; {remedy}")
     yield from _limits(mj, label)
     yield from _sensors(mj, label)
     yield from _geometry(mj, label)
@@ -79,26 +79,26 @@ def _mjcf(constant: str) -> str:
     return _MJCF_NAMES.get(constant.lower(), constant.lower())
 
 
-def _chosen(choice: _Choice, who: str, value: int) -> Iterator[Problem]:
+def _chosen(choice: _Choice, who: str, value: int) -> Iterator[ModelProblem]:
     name = constant_name(choice.enum, value)
     if name not in choice.supported.split():
         known = ", ".join(choice.supported.lower().split())
-        yield Problem(
+        yield ModelProblem(
             who, f"{choice.attribute} {_mjcf(name)!r} is not supported; use one of {known}"
         )
 
 
-def _options(mj: mujoco.MjModel) -> Iterator[Problem]:
+def _options(mj: mujoco.MjModel) -> Iterator[ModelProblem]:
     for choice in _OPTIONS:
         yield from _chosen(choice, "option", getattr(mj.opt, choice.field))
     flags = int(mj.opt.enableflags)
     for bit in (1 << k for k in range(flags.bit_length()) if flags >> k & 1):
         name = constant_name("mjtEnableBit", bit)
         if name not in _ENABLE_FLAGS.split():
-            yield Problem("option flag", f"{name.lower()} is not supported; disable it")
+            yield ModelProblem("option flag", f"{name.lower()} is not supported; disable it")
     for size, what in (("nflex", "flex"), ("nplugin", "plugin")):
         if getattr(mj, size):
-            yield Problem("", f"{what} elements are not supported; remove them from the model")
+            yield ModelProblem("", f"{what} elements are not supported; remove them from the model")
 
 
 def _attributes(mj: mujoco.MjModel) -> tuple[tuple[str, str, np.ndarray, str], ...]:
@@ -125,7 +125,7 @@ def _attributes(mj: mujoco.MjModel) -> tuple[tuple[str, str, np.ndarray, str], .
     )
 
 
-def _limits(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
+def _limits(mj: mujoco.MjModel, label: Label) -> Iterator[ModelProblem]:
     """Ranges smaller than both margins: one row serves both limits, so only one may be active."""
     scalar = np.isin(mj.jnt_type, (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE))
     for kind, limited, bounds, margin in (
@@ -133,41 +133,41 @@ def _limits(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
         ("tendon", mj.tendon_limited.astype(bool), mj.tendon_range, mj.tendon_margin),
     ):
         for i in np.nonzero(limited & (bounds[:, 1] - bounds[:, 0] < 2 * margin))[0]:
-            yield Problem(
+            yield ModelProblem(
                 label(kind, int(i)),
                 f"margin {margin[i]:g} exceeds half of the range, so that both limits would be "
                 "active at once; use a smaller margin",
             )
 
 
-def _geometry(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
+def _geometry(mj: mujoco.MjModel, label: Label) -> Iterator[ModelProblem]:
     """Geoms without a distance that is measured, or that range finders cannot see."""
     for s in np.flatnonzero(np.isin(mj.sensor_type, DISTANCE_SENSORS)):
         for geom in distance_problems(mj, measured_pairs(mj, int(s))):
-            yield Problem(
+            yield ModelProblem(
                 label("sensor", int(s)),
                 f"no distance can be measured to {label('geom', geom)}, a "
                 f"{type_name(mj.geom_type[geom])}; remove it",
             )
     if mujoco.mjtSensor.mjSENS_RANGEFINDER in mj.sensor_type:
         for geom in ray_problems(mj, opaque_geoms(mj)):
-            yield Problem(
+            yield ModelProblem(
                 label("geom", geom),
                 f"range finders cannot see {type_name(mj.geom_type[geom])}; make it transparent",
             )
 
 
-def _sensors(mj: mujoco.MjModel, label: Label) -> Iterator[Problem]:
+def _sensors(mj: mujoco.MjModel, label: Label) -> Iterator[ModelProblem]:
     camera = int(mujoco.mjtObj.mjOBJ_CAMERA)
     for s in range(mj.nsensor):
         name = constant_name("mjtSensor", mj.sensor_type[s])
         if name not in SENSORS:
-            yield Problem(
+            yield ModelProblem(
                 label("sensor", s),
                 f"type {_mjcf(name)!r} is not supported; remove it, the documentation's table of "
                 "sensors lists the supported types",
             )
         elif camera in (mj.sensor_objtype[s], mj.sensor_reftype[s]):
-            yield Problem(
+            yield ModelProblem(
                 label("sensor", s), "sensors of cameras are not supported; attach it to a site"
             )

@@ -10,7 +10,7 @@ from jaxsim.model.errors import ModelError
 _NAMED = 3  # most elements with the same problem that a message names
 
 
-class Problem(NamedTuple):
+class ModelProblem(NamedTuple):
     """One problem: `who` is the label of an element, or "" for the whole model."""
 
     who: str
@@ -22,7 +22,7 @@ def rows(wrong: np.ndarray) -> list[int]:
     return np.nonzero(wrong.any(axis=tuple(range(1, wrong.ndim))))[0].tolist()
 
 
-def raise_problems(problems: Iterable[Problem]) -> None:
+def raise_problems(problems: Iterable[ModelProblem]) -> None:
     """Raise a `ModelError` if there are problems; equal problems of several elements are merged."""
     elements: dict[str, list[str]] = {}
     for problem in problems:

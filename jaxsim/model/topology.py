@@ -14,7 +14,7 @@ from jaxsim.arrays import tuning
 
 
 @dataclasses.dataclass(frozen=True)
-class Group:
+class NodeGroup:
     """Nodes of one level and one kind; `nodes` and `dofs` are slices within the level."""
 
     kind: int
@@ -37,7 +37,7 @@ class Level:
     nodes: slice
     dofs: slice
     parents: np.ndarray
-    groups: tuple[Group, ...]
+    groups: tuple[NodeGroup, ...]
 
     @property
     def size(self) -> int:
@@ -135,7 +135,7 @@ class Forest:
                 count = int((self.kind[lo:hi] == k).sum())
                 nd = int(self.ndof[lo + at])
                 groups.append(
-                    Group(int(k), slice(at, at + count), slice(dof_at, dof_at + count * nd), nd)
+                    NodeGroup(int(k), slice(at, at + count), slice(dof_at, dof_at + count * nd), nd)
                 )
                 at, dof_at = at + count, dof_at + count * nd
             levels.append(

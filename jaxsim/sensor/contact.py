@@ -13,7 +13,7 @@ from jaxsim.arrays.constants import MINVAL
 from jaxsim.arrays.indexing import Index, gather
 from jaxsim.arrays.norms import safe_norm
 from jaxsim.model import Model
-from jaxsim.sensor.groups import Group
+from jaxsim.sensor.groups import SensorGroup
 from jaxsim.sensor.readings import Readings
 from jaxsim.sensor.shapes import inside
 from jaxsim.spatial import twist_at
@@ -38,7 +38,7 @@ class _Contacts(NamedTuple):
     body2: Index
 
 
-def contact(r: Readings, g: Group) -> Float[Array, "n dim"]:
+def contact(r: Readings, g: SensorGroup) -> Float[Array, "n dim"]:
     """What `data` asks for, of the contacts that match, `num` of them or their net force.
 
     Forces are on the second object, in the frame of the contact, whose normal points away from the
@@ -69,7 +69,7 @@ def _in_order(r: Readings) -> _Contacts:
     return _Contacts(*(gather(part, order) for part in parts))
 
 
-def _matches(r: Readings, g: Group, c: _Contacts) -> Int[Array, "n nc"]:
+def _matches(r: Readings, g: SensorGroup, c: _Contacts) -> Int[Array, "n nc"]:
     """1 where a contact is of the sensor's objects in this order, -1 in the other, else 0."""
     first1, first2 = _involved(r.model, g.objtype, g.obj, c)
     second1, second2 = _involved(r.model, g.reftype, g.ref, c)
@@ -105,7 +105,7 @@ def _below(model: Model) -> np.ndarray:
     return below
 
 
-def _inside(r: Readings, g: Group, points: Float[Array, "nc 3"]) -> Bool[Array, "n nc"]:
+def _inside(r: Readings, g: SensorGroup, points: Float[Array, "nc 3"]) -> Bool[Array, "n nc"]:
     """Whether contacts are in the volumes of the sensors' sites."""
     model = r.model
     pos, mat = r.frame(_SITE, g.obj)

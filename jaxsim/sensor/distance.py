@@ -8,27 +8,27 @@ from jaxtyping import Array, Float
 from jaxsim.arrays.indexing import take
 from jaxsim.arrays.norms import norm_and_divisor
 from jaxsim.collision.distance import geom_distances, measured_pairs
-from jaxsim.sensor.groups import Group
+from jaxsim.sensor.groups import SensorGroup
 from jaxsim.sensor.readings import Readings
 
 
-def geomdist(r: Readings, g: Group) -> Float[Array, "n 1"]:
+def geomdist(r: Readings, g: SensorGroup) -> Float[Array, "n 1"]:
     """Signed distance, at most the cutoff (m)."""
     return _nearest(r, g)[0][:, None]
 
 
-def geomnormal(r: Readings, g: Group) -> Float[Array, "n 3"]:
+def geomnormal(r: Readings, g: SensorGroup) -> Float[Array, "n 3"]:
     """Direction of the segment from the first to the second; zero beyond the cutoff."""
     segment = _nearest(r, g)[1]
     return jax.vmap(lambda v: v / norm_and_divisor(v)[1])(segment[:, 3:] - segment[:, :3])
 
 
-def geomfromto(r: Readings, g: Group) -> Float[Array, "n 6"]:
+def geomfromto(r: Readings, g: SensorGroup) -> Float[Array, "n 6"]:
     """Nearest points of the first and the second; zero beyond the cutoff (m)."""
     return _nearest(r, g)[1]
 
 
-def _nearest(r: Readings, g: Group) -> tuple[Float[Array, "n"], Float[Array, "n 6"]]:
+def _nearest(r: Readings, g: SensorGroup) -> tuple[Float[Array, "n"], Float[Array, "n 6"]]:
     """Distance and segment of the nearest pair of geoms of each sensor."""
     model, kin = r.model, r.motion.kin
     parts = [measured_pairs(model, int(s)) for s in g.sensors]

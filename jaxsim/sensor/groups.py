@@ -13,7 +13,7 @@ _CAMERA = int(mujoco.mjtObj.mjOBJ_CAMERA)
 
 
 @dataclasses.dataclass(frozen=True)
-class Group:
+class SensorGroup:
     """Sensors of one type on objects of one type.
 
     Attributes:
@@ -40,7 +40,7 @@ class Group:
         return len(self.sensors)
 
 
-def group_sensors(model: Model) -> tuple[Group, ...]:
+def group_sensors(model: Model) -> tuple[SensorGroup, ...]:
     """All sensors of a model, grouped.
 
     Raises:
@@ -52,9 +52,9 @@ def group_sensors(model: Model) -> tuple[Group, ...]:
     return tuple(_group(model, *key, ids) for key, ids in sorted(keys.items()))
 
 
-def _group(model: Model, kind, objtype, reftype, variant, intprm, ids) -> Group:
+def _group(model: Model, kind, objtype, reftype, variant, intprm, ids) -> SensorGroup:
     obj, ref = model.sensor_objid[ids], model.sensor_refid[ids]
-    return Group(kind, objtype, reftype, variant, intprm, np.array(ids), obj, ref)
+    return SensorGroup(kind, objtype, reftype, variant, intprm, np.array(ids), obj, ref)
 
 
 def kinds(model: Model) -> frozenset[str]:

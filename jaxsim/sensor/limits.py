@@ -9,14 +9,14 @@ from jaxsim.arrays.indexing import take
 from jaxsim.joints import JOINTS
 from jaxsim.joints.grouping import position_rows, velocity_rows
 from jaxsim.model import Model
-from jaxsim.sensor.groups import Group
+from jaxsim.sensor.groups import SensorGroup
 from jaxsim.sensor.readings import Readings
 
 _LIMIT_OFF = mujoco.mjtDisableBit.mjDSBL_LIMIT
 _CONSTRAINT_OFF = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
 
 
-def joint_limit(r: Readings, g: Group) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
+def joint_limit(r: Readings, g: SensorGroup) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
     """Distances from active joint limits minus the margin, and their rates; zero if inactive."""
     model = r.model
     if _off(model):
@@ -30,7 +30,7 @@ def joint_limit(r: Readings, g: Group) -> tuple[Float[Array, "n"], Float[Array, 
     return _limited(model.jnt_limited[g.obj], result)
 
 
-def tendon_limit(r: Readings, g: Group) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
+def tendon_limit(r: Readings, g: SensorGroup) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
     """Distances from active tendon limits minus the margin, and their rates; zero if inactive."""
     model = r.model
     if _off(model):

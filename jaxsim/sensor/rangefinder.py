@@ -7,14 +7,14 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsim.collision.rays import RayHit, cast_ray, visible_geoms
-from jaxsim.sensor.groups import Group
+from jaxsim.sensor.groups import SensorGroup
 from jaxsim.sensor.readings import Readings
 
 _SITE = int(mujoco.mjtObj.mjOBJ_SITE)
 _Data = mujoco.mjtRayDataField
 
 
-def rangefinder(r: Readings, g: Group) -> Float[Array, "n dim"]:
+def rangefinder(r: Readings, g: SensorGroup) -> Float[Array, "n dim"]:
     """Distance (m), -1 if no geom is hit, and the other quantities in the sensors' `data`.
 
     Geoms of the site's own body and transparent geoms are ignored.

@@ -10,7 +10,7 @@ from jaxsim.model import Model
 from jaxsim.sensor import acceleration, position, velocity
 from jaxsim.sensor.contact import contact
 from jaxsim.sensor.distance import geomdist, geomfromto, geomnormal
-from jaxsim.sensor.groups import Group, group_sensors, kinds
+from jaxsim.sensor.groups import SensorGroup, group_sensors, kinds
 from jaxsim.sensor.rangefinder import rangefinder
 from jaxsim.sensor.readings import Readings
 from jaxsim.sensor.signals import Signals
@@ -105,7 +105,7 @@ def sensordata(signals: Signals) -> Float[Array, "nsensordata"]:
     return _cut_off(model, take(jnp.concatenate(values), np.argsort(address)))
 
 
-def _addresses(model: Model, g: Group) -> np.ndarray:
+def _addresses(model: Model, g: SensorGroup) -> np.ndarray:
     """Where the readings of a group belong in `sensordata`."""
     dim = model.sensor_dim[g.sensors[0]]
     return (model.sensor_adr[g.sensors][:, None] + np.arange(dim)).ravel()

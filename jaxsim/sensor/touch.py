@@ -7,14 +7,14 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsim.arrays.indexing import gather, sum_by, take
-from jaxsim.sensor.groups import Group
+from jaxsim.sensor.groups import SensorGroup
 from jaxsim.sensor.readings import Readings
 from jaxsim.sensor.shapes import ray_hits
 
 _SITE = int(mujoco.mjtObj.mjOBJ_SITE)
 
 
-def touch(r: Readings, g: Group) -> Float[Array, "n 1"]:
+def touch(r: Readings, g: SensorGroup) -> Float[Array, "n 1"]:
     """Sum of the normal forces of contacts on a site's body that act through the site (N).
 
     A contact counts if the ray from its point along the normal force hits the site's volume, as it
@@ -37,7 +37,7 @@ def touch(r: Readings, g: Group) -> Float[Array, "n 1"]:
     return sum_by(jax.vmap(felt)(*pairs), sensor, len(g))[:, None]
 
 
-def _pairs(r: Readings, g: Group) -> tuple[np.ndarray, np.ndarray, Float[Array, "npair"]]:
+def _pairs(r: Readings, g: SensorGroup) -> tuple[np.ndarray, np.ndarray, Float[Array, "npair"]]:
     """Pairs of a sensor and a contact slot, and the sign of the normal force on the sensor's body.
 
     The sign is 1 for the body of geom1, -1 for that of geom2 and 0 for others. If the geoms are

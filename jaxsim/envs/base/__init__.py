@@ -1,4 +1,4 @@
-"""What an environment is, and what tasks are made of: starts, steps, measures, divergence."""
+"""The interface of environments and the parts of tasks: starts, steps, measures, divergence."""
 
 from jaxsim.envs.base.env import Env, EnvState, Task, static
 from jaxsim.envs.base.solves import Solves

@@ -1,4 +1,4 @@
-"""Several time steps with one action, and what is known at the end of them."""
+"""Several time steps with one action."""
 
 import jax.numpy as jnp
 from jax import lax
@@ -15,19 +15,19 @@ def advance(model: Model, state: State, ctrl: Float[Array, "nu"], steps: int) ->
 
     Args:
       model: the model.
-      state: where to start.
+      state: initial state.
       ctrl: controls.
-      steps: how many; the size of the program does not depend on it.
+      steps: number of time steps; the size of the program does not depend on it.
 
     Returns:
-      The last of the steps, with the status of all of them.
+      The last step, with the combined status of all steps.
     """
 
     def body(found: Step, _):
         now = whole_step(model, found.after, ctrl)
         return now.replace(status=found.status.then(now.status)), None
 
-    # What the loop starts from is overwritten by the first step.
+    # The initial values of the loop are overwritten by the first step.
     status = Status.empty(state.qpos.dtype)
     start = Step(state, state, jnp.zeros_like(state.qvel), status)
     return lax.scan(body, start, length=steps)[0]

@@ -1,4 +1,4 @@
-"""The one rule about numbers that are not numbers any more."""
+"""`diverged`: the test for simulations that have diverged."""
 
 import functools
 import operator
@@ -14,9 +14,10 @@ LARGEST = 1e10
 
 
 def diverged(after: EnvState) -> Bool[Array, ""]:
-    """Whether a step ended in numbers that are not finite, or too large to be meant.
+    """Whether a step has numbers that are not finite, or larger than `mjMAXVAL`.
 
-    Looked at are the physics, the observation, the reward and the metrics, all of floating point.
+    Tested are all floating-point numbers of the physics, the observation, the reward and the
+    metrics.
     """
     seen = jax.tree.leaves((after.state, after.obs, after.reward, after.metrics))
     fine = [(jnp.abs(x) <= LARGEST).all() for x in seen if jnp.issubdtype(x.dtype, jnp.floating)]

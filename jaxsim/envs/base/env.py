@@ -1,6 +1,6 @@
-"""What an environment is: `EnvState`, `Env`, and `Task`, from which tasks are made.
+"""`EnvState`, `Env` and `Task`: the interface of environments, and the base class of tasks.
 
-A task of one's own is a record that derives from `Task`, about 40 lines:
+Your own task is a record that derives from `Task`, of about 40 lines:
 
   @struct.dataclass(kw_only=True)
   class Balance(Task):
@@ -43,13 +43,13 @@ class EnvState:
     Attributes:
       state: the physics.
       obs: what the agent sees.
-      reward: of the step that led here.
-      terminated: the task ended here: nothing is to be gained afterwards.
-      truncated: the episode was cut short here: it could have gone on.
-      metrics: terms of the reward and the like; the same keys after reset and step.
-      info: what is carried to the next step by the task and by wrappers; the same keys after reset
-        and step.
-      solves: how the solves of the step went; None where an environment does not tell.
+      reward: reward of the last step.
+      terminated: whether the task ended in this state, after which there are no rewards.
+      truncated: whether the episode was cut off here, although the task could go on.
+      metrics: terms of the reward and other numbers; the same keys after reset and step.
+      info: values that the task and wrappers carry to the next step; the same keys after reset and
+        step.
+      solves: status of the solves of the last step; None if the environment does not report it.
     """
 
     state: State
@@ -68,7 +68,7 @@ class EnvState:
 
 
 class Env:
-    """An immutable environment: a pytree that holds its model; `reset` and `step` are pure.
+    """An immutable environment, a pytree with its model; `reset` and `step` are pure functions.
 
     Tasks derive from `Task`, wrappers from `Wrapper`.
     """
@@ -81,7 +81,7 @@ class Env:
         raise TypeError(f"{type(self).__name__} does not define reset")
 
     def step(self, state: EnvState, action: Float[Array, "nu"]) -> EnvState:
-        """Act for one step; what happens after the end of an episode is up to the caller."""
+        """Act for one step; the caller decides what to do after the end of an episode."""
         raise TypeError(f"{type(self).__name__} does not define step")
 
     def with_model(self, model: Model) -> "Env":
@@ -132,7 +132,7 @@ class Env:
 
 @struct.dataclass(kw_only=True)
 class Task(Env):
-    """A task: a model, and what to start from, see and reward. Its fields are its options.
+    """A task: a model with starts, observations and rewards; its fields are its options.
 
     Attributes:
       model: the physics.
@@ -147,7 +147,7 @@ class Task(Env):
         raise TypeError(f"{type(self).__name__} does not define start")
 
     def observe(self, now: Moment) -> Float[Array, "n"]:
-        """What the agent sees."""
+        """The observation of the agent."""
         raise TypeError(f"{type(self).__name__} does not define observe")
 
     def reward(
@@ -156,9 +156,9 @@ class Task(Env):
         """Reward of a step, and its terms by name.
 
         Args:
-          before: `info` before the step.
-          now: after the step.
-          action: what the agent asked for.
+          before: `EnvState.info` before the step.
+          now: the moment after the step.
+          action: the action of the agent.
         """
         raise TypeError(f"{type(self).__name__} does not define reward")
 
@@ -167,11 +167,11 @@ class Task(Env):
         return jnp.zeros((), bool)
 
     def draw(self, key: PRNGKeyArray) -> dict[str, Any]:
-        """What besides the state is random, say a goal; `now.before` of the reset holds it."""
+        """Random values besides the state, such as a goal; `now.before` at the reset has them."""
         return {}
 
     def info(self, now: Moment) -> dict[str, Any]:
-        """Numbers to carry to the next step; what was carried before, and is not here, stays."""
+        """Values to carry to the next step; other entries of `info` keep their values."""
         return {}
 
     def control(self, action: Float[Array, "nu"]) -> Float[Array, "nu"]:
@@ -189,13 +189,13 @@ class Task(Env):
 
         Args:
           state: the physics.
-          drawn: what `draw` would have returned.
+          drawn: values in place of those of `draw`.
         """
         action = jnp.zeros(self.action_size, state.qpos.dtype)
         drawn = {} if drawn is None else drawn
         now = Moment(self.model, state, state, jnp.zeros_like(action), action, drawn)
         info = {**drawn, **self.info(now)}
-        # A copy, since what a moment has computed must not leave the trace.
+        # A copy, because values that a moment has cached must not leave the trace.
         terms = jax.eval_shape(lambda: self._outcome(info, now.replace(), action))[1]
         return EnvState(
             state=state,
@@ -233,5 +233,5 @@ class Task(Env):
 
 
 def static(default: Any) -> Any:
-    """Field of a task that decides a shape or a branch: a whole number, a flag, a name."""
+    """A static field of a task, which decides a shape or a branch: an integer, a flag or a name."""
     return struct.field(pytree_node=False, default=default)

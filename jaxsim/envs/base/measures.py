@@ -1,4 +1,4 @@
-"""Measures that rewards are made of, with derivatives everywhere."""
+"""Functions for rewards, with derivatives everywhere."""
 
 import math
 
@@ -19,5 +19,5 @@ def near_zero(x: Float[Array, "..."], margin: float | Array) -> Float[Array, "..
 
 
 def wrapped(angle: Float[Array, "..."]) -> Float[Array, "..."]:
-    """The same angle within [-pi, pi)."""
+    """The angle modulo whole turns, within [-pi, pi)."""
     return (angle + math.pi) % (2 * math.pi) - math.pi

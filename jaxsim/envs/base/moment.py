@@ -1,4 +1,4 @@
-"""`Moment`: what a task can look at, under MuJoCo's names."""
+"""`Moment`: the quantities that a task can use, with MuJoCo's names."""
 
 from functools import cached_property
 from typing import Any
@@ -18,21 +18,21 @@ from jaxsim.quantities import body_forces
 
 @struct.dataclass
 class Moment:
-    """What MuJoCo's `mjData` holds after `mj_step`, or after `mj_forward` at a reset.
+    """The contents of MuJoCo's `mjData` after `mj_step`, or after `mj_forward` at a reset.
 
-    Positions and velocities are the new ones. Everything derived (`xpos`, `cvel`, ...) is that of
-    the last evaluation of forces: of the state before the last sub-step, or of its fourth stage
-    with Runge-Kutta. Gymnasium's tasks read `mjData` like that, hence so do ours. Derived values
-    are computed when they are asked for, and only then cost anything.
+    Positions and velocities are those after the step. Derived quantities (`xpos`, `cvel`, ...) are
+    those of the last evaluation of forces: for the state before the last time step, or in its
+    fourth stage with Runge-Kutta. Gymnasium's tasks read these, so ours do, too. Derived quantities
+    are computed only if they are used.
 
     Attributes:
       model: the model.
-      state: the state now.
+      state: the state after the step.
       last: the state at which forces were evaluated last.
-      ctrl: the controls that acted.
-      action: what the agent asked for; zero at a reset.
-      before: `EnvState.info` before the step; at a reset, what the task's `draw` returned.
-      qacc_last: acceleration in the last evaluation; None at a reset, where nothing has moved yet.
+      ctrl: the controls of the step.
+      action: the action of the agent; zero at a reset.
+      before: `EnvState.info` before the step; at a reset, the result of the task's `draw`.
+      qacc_last: acceleration in the last evaluation; None at a reset.
     """
 
     model: Model
@@ -55,7 +55,7 @@ class Moment:
 
     @cached_property
     def motion(self) -> Motion:
-        """Position and velocity of everything in the last evaluation of forces."""
+        """Kinematics and velocities in the last evaluation of forces."""
         return motion_of(self.model, self.last)
 
     @property
@@ -65,7 +65,7 @@ class Moment:
 
     @cached_property
     def _constrained(self) -> Constrained:
-        """Contacts and forces of the last evaluation; solved only after a reset."""
+        """Contacts and constraint forces of the last evaluation; needs a solve only at a reset."""
         if self.qacc_last is None:
             return evaluate(self.model, self.last, self.ctrl).constrained
         return constrained_at(self.motion, contacts(self.motion), self.qacc_last)

@@ -1,4 +1,4 @@
-"""`Solves`: what the constraint solver and the contact budget could not do in a step of a task."""
+"""`Solves`: lost contacts and unconverged solves in a step of a task."""
 
 from flax import struct
 from jaxtyping import Array, Bool, Int
@@ -8,11 +8,11 @@ from jaxsim.engine.status import Status
 
 @struct.dataclass
 class Solves:
-    """How the solves of all time steps of an action went; numbers that a loop has anyway.
+    """Status of the solves in all time steps of an action.
 
     Attributes:
-      lost_contacts: contacts that found no slot, the most at one time.
-      unconverged: whether a solve ran out of iterations; a model may ask for as few as one.
+      lost_contacts: largest number of contacts at one time that were lost for lack of slots.
+      unconverged: whether a solve ran out of iterations; models may ask for as few as one.
     """
 
     lost_contacts: Int[Array, ""]
@@ -20,5 +20,5 @@ class Solves:
 
     @classmethod
     def of(cls, status: Status) -> "Solves":
-        """What a status says about them."""
+        """The numbers from a `Status`."""
         return cls(status.contact_overflow, ~status.converged | ~status.cg_converged)

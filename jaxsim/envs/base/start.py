@@ -11,7 +11,7 @@ from jaxsim.model import Model, State, make_state
 
 
 def load_asset(name: str, **options) -> Model:
-    """The bundled model of this name, whatever files the working directory holds; loaded once.
+    """The bundled model of this name, even if a file has the same name; loaded only once.
 
     Args:
       name: one of `jaxsim.io.bundled_models()`.
@@ -34,13 +34,14 @@ def uniform(key: PRNGKeyArray, n: int, scale: float | Array) -> Float[Array, "n"
 def uniform_start(
     model: Model, key: PRNGKeyArray, scale: float | Array, normal_velocity: bool = False
 ) -> State:
-    """Start near `qpos0` and at rest, as most of Gymnasium's tasks do.
+    """A random state near `qpos0` and near rest, as in most of Gymnasium's tasks.
 
     Args:
       model: the model.
       key: random key.
-      scale: every position and velocity is uniform in (-scale, scale) about its nominal value.
-      normal_velocity: draw velocities from `scale` times the standard normal distribution instead.
+      scale: deviations of positions and velocities are uniform in (-scale, scale).
+      normal_velocity: whether velocities are `scale` times the standard normal distribution
+        instead.
     """
     pos_key, vel_key = jax.random.split(key)
     if normal_velocity:

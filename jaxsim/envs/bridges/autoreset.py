@@ -19,13 +19,13 @@ from jaxsim.parallel.devices import SPLIT, parallel
 
 @struct.dataclass
 class Outcome:
-    """What a step tells the user, batch first.
+    """The results of a step for the user, batch first.
 
     Attributes:
-      obs: observations of the episodes that go on, or have just begun.
+      obs: observations, of new episodes where one has just started.
       reward: rewards of the step.
       terminated: whether the task ended in this step.
-      truncated: whether time was up in this step.
+      truncated: whether the episode was truncated in this step.
       info: metrics that belong to `obs`.
       final_obs: with SAME_STEP the observations before any reset.
       final_info: with SAME_STEP the metrics before any reset.
@@ -41,19 +41,19 @@ class Outcome:
 
 
 def start(env: Env, keys: Array) -> Batch:
-    """All environments at the beginning of an episode."""
+    """All environments at the start of an episode."""
     return Batch(*vmap(functools.partial(restart, env))(keys))
 
 
 def next_step(env: Env, batch: Batch, actions, done) -> tuple[Batch, Outcome]:
-    """What ended in the last step restarts in this one, ignoring the action."""
+    """NEXT_STEP: an episode that ended in the last step is reset in this one, without action."""
     stepped = batch.replace(states=step_all(env, batch.states, actions))
     batch = reset_where(env, stepped, done)
     return batch, _outcome(batch)
 
 
 def same_step(env: Env, batch: Batch, actions, done) -> tuple[Batch, Outcome]:
-    """What ends restarts at once; the last observation is handed out beside the first."""
+    """SAME_STEP: an episode that ends is reset at once; its last observation is returned, too."""
     del done  # nothing is left over from the last step
     stepped = batch.replace(states=step_all(env, batch.states, actions))
     last = _outcome(stepped)
@@ -63,7 +63,7 @@ def same_step(env: Env, batch: Batch, actions, done) -> tuple[Batch, Outcome]:
 
 
 def disabled(env: Env, batch: Batch, actions, done) -> tuple[Batch, Outcome]:
-    """The user restarts what has ended."""
+    """DISABLED: the user resets environments."""
     del done
     batch = batch.replace(states=step_all(env, batch.states, actions))
     return batch, _outcome(batch)

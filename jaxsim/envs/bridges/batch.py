@@ -1,11 +1,10 @@
-"""Many environments in one compiled call: all devices, chunks that stay in cache, cheap resets.
+"""Many environments in one compiled call: all devices, chunks that fit in the cache, cheap resets.
 
-Resets are rare: of a thousand environments only a few end in any one step. They are therefore
-not computed for every environment and thrown away, but gathered, a chunk at a time, for as long
-as there are any (`reset_where`).
+Resets are rare: of a thousand environments only a few end in one step. So resets are not computed
+for all environments, but only for those that need one, gathered in chunks (`reset_where`).
 
-An environment owns a chain of random keys that starts at its seed. Each reset draws one key from
-the chain, so environment i of a batch has the same episodes as one environment with its seed.
+Each environment has a chain of random keys that starts at its seed. A reset draws one key from the
+chain, so environment i of a batch has the same episodes as a single environment with its seed.
 """
 
 import functools
@@ -28,7 +27,7 @@ RESET_LANES = 64  # environments that are reset together
 
 @struct.dataclass
 class Batch:
-    """What is carried from step to step; every array has a leading batch axis.
+    """The state between steps; every array has a leading batch axis.
 
     Attributes:
       states: the environments.
@@ -46,7 +45,7 @@ def root_keys(seeds: Sequence[int]) -> Array:
 
 
 def restart(env: Env, key: Array) -> tuple[EnvState, Array]:
-    """A fresh episode, and the chain of keys after it."""
+    """A new episode, and the chain of keys after it."""
     key, draw = jax.random.split(key)
     state = env.reset(draw)
     metrics = {**state.metrics, "nonfinite": jnp.zeros_like(state.reward)}
@@ -54,9 +53,9 @@ def restart(env: Env, key: Array) -> tuple[EnvState, Array]:
 
 
 def guarded_step(env: Env, state: EnvState, action: Float[Array, "nu"]) -> EnvState:
-    """One step; if it has `diverged`, the episode ends and its numbers go nowhere.
+    """One step; if it has `diverged`, the episode ends and its numbers are discarded.
 
-    The environment then stays where it was, `terminated`, with reward 0 and
+    The environment then keeps its previous state, `terminated`, with reward 0 and
     `metrics["nonfinite"]` 1, which otherwise is 0.
     """
     after = env.step(state, action)
@@ -73,10 +72,10 @@ def guarded_step(env: Env, state: EnvState, action: Float[Array, "nu"]) -> EnvSt
 
 
 def reset_where(env: Env, batch: Batch, mask: Bool[Array, "n"]) -> Batch:
-    """Restart the environments in the mask; the cost grows with how many they are."""
+    """Reset the environments in the mask; the cost is proportional to their number."""
     n = mask.shape[0]
     size = min(n, RESET_LANES)
-    # Places beyond the last one are written nowhere.
+    # Unused slots have an index out of range, and are not written.
     places = jnp.nonzero(mask, size=-(-n // size) * size, fill_value=n)[0]
     count = mask.sum()
 
@@ -92,7 +91,7 @@ def reset_where(env: Env, batch: Batch, mask: Bool[Array, "n"]) -> Batch:
 
 
 def step_all(env: Env, states: EnvState, actions: Float[Array, "n nu"]) -> EnvState:
-    """One step of every environment, on a CPU in chunks that stay in cache."""
+    """One step of every environment, on a CPU in chunks that fit in the cache."""
     step = vmap(functools.partial(guarded_step, env))
     lanes = even_lanes(env.unwrapped.model, actions.shape[0])
     return map_chunks(step, lanes, states, actions)

@@ -1,4 +1,4 @@
-"""Environments in Brax's shape, so that trainers written for Brax run on them.
+"""Adapter with Brax's interface, so that Brax's trainers can be used.
 
 Example:
   >>> from brax.training.agents.ppo import train as ppo
@@ -29,11 +29,11 @@ class BraxState:
 
     Attributes:
       pipeline_state: the whole `EnvState`.
-      obs: what the agent sees.
-      reward: of the step that led here.
-      done: 1 where the episode ended, for whatever reason.
+      obs: the observation.
+      reward: reward of the last step.
+      done: 1 if the episode has ended, for either reason.
       metrics: terms of the reward; entries of Brax's wrappers are kept.
-      info: `truncation` is 1 where the episode was cut short; entries of wrappers are kept.
+      info: `truncation` is 1 if the episode was truncated; entries of wrappers are kept.
     """
 
     pipeline_state: EnvState
@@ -47,13 +47,13 @@ class BraxState:
 class BraxEnv:
     """One environment with the methods and properties of `brax.envs.Env`.
 
-    Brax's trainers batch, cut and restart episodes themselves, so an environment that is given
-    by name has no time limit of its own; `episode_length` is the trainer's argument. Where an
-    environment does have a limit, `wrap_for_brax` keeps it. Brax's own wrappers would take such a
-    cut for a termination, so under them only `episode_length` counts.
+    Brax's trainers batch, truncate and restart episodes themselves, so an environment that is given
+    by name has no time limit; `episode_length` is the trainer's argument. If an environment has a
+    limit, `wrap_for_brax` keeps it. Brax's own wrappers would treat such a truncation as a
+    termination, so with them only `episode_length` counts.
 
-    A step that has `diverged` ends the episode, as in the other bridges: `metrics["nonfinite"]`
-    is then 1, and the rest goes nowhere.
+    A step that has `diverged` ends the episode, as in the other bridges: `metrics["nonfinite"]` is
+    then 1, and the other numbers are discarded.
     """
 
     def __init__(self, env: Env | str, **options: Any):
@@ -119,13 +119,13 @@ def wrap_for_brax(
     action_repeat: int = 1,
     randomization_fn: Callable[[Model], tuple[Model, Any]] | None = None,
 ):
-    """Brax's training wrappers around a batch that is simulated batch-last, several times faster.
+    """Brax's training wrappers for a batch with the batch on the last axis, which is faster.
 
     Give it to a Brax trainer as `wrap_env_fn`.
 
     Args:
       env: the adapter.
-      episode_length: steps after which an episode is cut.
+      episode_length: steps after which an episode is truncated.
       action_repeat: steps for which an action is repeated.
       randomization_fn: from the model to a batch of models and the axes of its leaves.
     """
@@ -138,7 +138,7 @@ def wrap_for_brax(
 
 @functools.cache
 def _cutting(wrapper: type) -> type:
-    """A wrapper that ends an episode where the environment's own limit cuts it."""
+    """A wrapper that ends an episode at the environment's own time limit."""
 
     class Cut(wrapper):
         def step(self, state, action):
@@ -185,7 +185,7 @@ class _Batched:
 def _brax_state(
     state: EnvState, metrics: dict[str, Any], info: dict[str, Any], done: Bool[Array, ""]
 ) -> BraxState:
-    """Entries that Brax's wrappers have added stay."""
+    """The `BraxState` of a state; entries that Brax's wrappers have added are kept."""
     dtype = state.reward.dtype
     return BraxState(
         pipeline_state=state,

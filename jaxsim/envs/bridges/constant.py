@@ -1,7 +1,8 @@
-"""An environment as a part of programs.
+"""An environment as a constant of programs.
 
-A program that has the numbers of a model in it is faster than one that is given them: much is known
-about them while it is traced. Environments of the same numbers share their programs.
+A program with the numbers of a model as constants is faster than one with a model as argument,
+because facts about the model are known while it is traced. Environments with equal numbers share
+their programs.
 """
 
 import functools
@@ -30,16 +31,16 @@ class Constant:
         self._hash = hash(self._key)
 
     def __hash__(self) -> int:
-        """The same for equal numbers."""
+        """A hash that is the same for equal numbers."""
         return self._hash
 
     def __eq__(self, other: object) -> bool:
-        """Whether all numbers are equal, to the bit."""
+        """Whether all numbers are equal, bit by bit."""
         return isinstance(other, Constant) and self._key == other._key
 
 
 def programs_of(build: Callable) -> Callable:
-    """A function `(constant, ...)` that compiles something, and remembers what it has compiled."""
+    """Memoise a function `(constant, ...)` that compiles a program."""
     return functools.lru_cache(maxsize=KEPT)(build)
 
 

@@ -1,7 +1,7 @@
-"""What a bundled task says of itself, known without JAX.
+"""Spaces of bundled tasks from their documentation, without starting JAX.
 
-Gymnasium's `AsyncVectorEnv` makes one environment to ask for its spaces, then forks. If JAX had
-started by then, the new processes could not use it.
+Gymnasium's `AsyncVectorEnv` makes one environment, reads its spaces, and then forks. If JAX had
+been started before the fork, the new processes could not use it.
 """
 
 import functools
@@ -29,7 +29,7 @@ class Known(NamedTuple):
 
 
 def documented(env: Env | str, options: dict[str, Any]) -> Known | None:
-    """What documentation and model file tell; None where options or the class may change it."""
+    """Spaces and dt from documentation and model; None if options or the class may change them."""
     if not isinstance(env, str) or options or env not in registry.names():
         return None
     cls = registry.spec(env).load()

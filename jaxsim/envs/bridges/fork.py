@@ -1,6 +1,6 @@
-"""Processes that were forked from one in which JAX was running.
+"""Detection of processes that were forked after JAX had started.
 
-Its threads stay behind, and whoever waits for them in the new process waits for ever.
+JAX's threads do not exist in the new process, which would wait for them for ever.
 """
 
 import os
@@ -11,7 +11,7 @@ _lost = False
 
 
 def check_fork() -> None:
-    """Say so instead of waiting.
+    """Raise an error if JAX cannot work in this process.
 
     Raises:
       RuntimeError: this process was forked after JAX had started.
@@ -26,7 +26,7 @@ def check_fork() -> None:
 
 
 def _started() -> bool:
-    """Whether JAX has been used: only before can this number be changed, and changed back."""
+    """Whether JAX has been used: only before that can the tested setting be changed."""
     cores = jax.config.jax_num_cpu_devices
     try:
         jax.config.update("jax_num_cpu_devices", cores + 2)

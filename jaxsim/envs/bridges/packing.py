@@ -1,4 +1,4 @@
-"""What a step tells as one array for each type: every array that leaves a program costs time."""
+"""Packing of a step's results in one array for each type, because each result costs time."""
 
 import math
 from typing import Any
@@ -12,7 +12,7 @@ from jaxsim.envs.bridges.spaces import public_info
 
 
 class Layout:
-    """Where the numbers of a step are in the arrays; known once `packed` has been traced."""
+    """Positions of a step's results in the packed arrays; known once `packed` has been traced."""
 
     def __init__(self):
         self._places: list[tuple[str, str, int, tuple[int, ...], np.dtype]] = []
@@ -37,7 +37,7 @@ class Layout:
         return {kind: jnp.concatenate(parts) for kind, parts in vectors.items()}
 
     def unpacked(self, packed: dict[str, Array]) -> tuple[np.ndarray, float, bool, bool, dict]:
-        """The same as NumPy's arrays and Python's numbers."""
+        """The results as NumPy arrays and Python numbers."""
         arrays = {kind: np.asarray(vector) for kind, vector in packed.items()}
         told: dict[str, Any] = {}
         for name, kind, start, shape, dtype in self._places:

@@ -15,10 +15,10 @@ def gymnasium_id(name: str) -> str:
 
 
 def register_gymnasium(name: str) -> str:
-    """Tell Gymnasium about an environment; of repeated calls the last one counts.
+    """Register an environment with Gymnasium; a repeated call replaces the previous one.
 
     Args:
-      name: of an environment of `jaxsim.envs`; the bundled ones are registered already.
+      name: name of an environment of `jaxsim.envs`; the bundled ones are already registered.
 
     Returns:
       Its identifier, for `gymnasium.make` and `gymnasium.make_vec`.

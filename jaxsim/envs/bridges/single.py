@@ -19,8 +19,8 @@ from jaxsim.parallel.devices import compiled
 class GymnasiumEnv(gymnasium.Env):
     """One environment with Gymnasium's interface; the simulation is compiled.
 
-    For training take `gymnasium.make_vec`: it simulates thousands for little more than the
-    overhead of one.
+    For training, use `gymnasium.make_vec`: thousands of environments take little more time than
+    one.
 
     Attributes:
       state: its `EnvState`; None before the first reset.
@@ -43,9 +43,10 @@ class GymnasiumEnv(gymnasium.Env):
         Args:
           env: an environment, or the name of a registered one, made without a time limit.
           render_mode: "rgb_array" or None.
-          width: of rendered frames, in pixels.
-          height: of rendered frames, in pixels.
-          camera: name or number of a camera; -1 for a free one; by default the one called "track".
+          width: width of rendered frames in pixels.
+          height: height of rendered frames in pixels.
+          camera: name or number of a camera; -1 for a free camera; by default the one called
+            "track".
           **options: the fields of the environment, where it is given by name.
         """
         self._given, self._options = env, options
@@ -85,7 +86,7 @@ class GymnasiumEnv(gymnasium.Env):
         """Start an episode.
 
         Args:
-          seed: start of the sequence of random episodes; None continues it.
+          seed: seed of the sequence of random episodes; None continues the sequence.
           options: not used.
 
         Returns:
@@ -111,7 +112,7 @@ class GymnasiumEnv(gymnasium.Env):
           action: controls, of the action space's shape.
 
         Returns:
-          Observation, reward, whether the task ended, whether time is up, and the infos.
+          Observation, reward, terminated, truncated, and the infos.
 
         Raises:
           gymnasium.error.ResetNeeded: `reset` was never called.
@@ -139,7 +140,7 @@ class GymnasiumEnv(gymnasium.Env):
 
 @programs_of
 def _restart(constant: Constant) -> tuple[Callable, Callable]:
-    """`key -> (state, key, packed)`, and what unpacks."""
+    """The compiled function `key -> (state, key, packed)`, and its `Layout`."""
     layout = packing.Layout()
 
     def restart(key):
@@ -151,7 +152,7 @@ def _restart(constant: Constant) -> tuple[Callable, Callable]:
 
 @programs_of
 def _step(constant: Constant) -> tuple[Callable, Callable]:
-    """`(state, action) -> (state, packed)`, and what unpacks."""
+    """The compiled function `(state, action) -> (state, packed)`, and its `Layout`."""
     layout = packing.Layout()
 
     def step(state, action):

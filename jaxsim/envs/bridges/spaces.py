@@ -11,7 +11,7 @@ from jaxsim.envs.base.env import Env, EnvState
 
 
 def observation_space(env: Env) -> gymnasium.spaces.Box:
-    """All real vectors of the observation's size, in the type in which they are computed."""
+    """The unbounded box of the observation's size, in the type of the observations."""
     shape = jax.eval_shape(env.reset, jax.eval_shape(lambda: jax.random.key(0))).obs
     return gymnasium.spaces.Box(-np.inf, np.inf, shape.shape, np.dtype(shape.dtype).type)
 
@@ -23,19 +23,19 @@ def action_space(env: Env) -> gymnasium.spaces.Box:
 
 
 def public_info(state: EnvState) -> dict[str, Any]:
-    """The numbers a user may want to see: metrics and the task's own entries of `info`."""
+    """The numbers for users: metrics and the task's own entries of `info`."""
     kept = {k: v for k, v in state.info.items() if not is_private(k, v)}
     return {**kept, **state.metrics}
 
 
 def is_private(name: str, value: Any) -> bool:
-    """What wrappers keep for themselves: underscored names, random keys, nested records."""
+    """Whether an entry is private to wrappers: underscored names, random keys, nested records."""
     arrays = isinstance(value, (jax.Array, np.ndarray))
     return name.startswith("_") or not arrays or jnp.issubdtype(value.dtype, jax.dtypes.prng_key)
 
 
 def vector_info(info: dict[str, Any], mask: np.ndarray) -> dict[str, Any]:
-    """Gymnasium's vector format: beside each `key` a mask `_key` of who has it, zero elsewhere."""
+    """Gymnasium's vector format: for each `key` a mask `_key`; values are zero outside of it."""
     out: dict[str, Any] = {}
     for name, value in info.items():
         if isinstance(value, np.ndarray) and value.dtype != object:

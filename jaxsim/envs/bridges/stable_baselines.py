@@ -24,8 +24,8 @@ def vec_env(env: Env | str, num_envs: int = 1, **options: Any):
     """Many environments for Stable-Baselines3.
 
     Args:
-      env: an environment, or the name of a registered one, with its usual time limit.
-      num_envs: how many of it.
+      env: an environment, or the name of a registered one, with its default time limit.
+      num_envs: number of environments.
       **options: arguments of `GymnasiumVectorEnv`, for instance fields of the environment.
 
     Returns:

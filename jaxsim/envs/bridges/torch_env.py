@@ -1,4 +1,4 @@
-"""Arrays shared with torch, or any other library that speaks dlpack, without a copy.
+"""Arrays shared with torch, or another library that supports dlpack, without a copy.
 
 Example:
   >>> from jaxsim.envs.bridges.torch_env import TorchVectorEnv
@@ -26,7 +26,7 @@ def to_torch(tree: Any) -> Any:
     """JAX arrays as torch tensors that share their memory; do not write into them.
 
     Args:
-      tree: a pytree of arrays; one that is spread over several devices is gathered first.
+      tree: a pytree of arrays; arrays on several devices are gathered first.
 
     Raises:
       ModuleNotFoundError: torch is not installed.
@@ -35,22 +35,22 @@ def to_torch(tree: Any) -> Any:
 
 
 def from_torch(tree: Any) -> Any:
-    """Tensors, or other arrays that speak dlpack, as JAX arrays that share their memory.
+    """Tensors, or other arrays that support dlpack, as JAX arrays that share their memory.
 
     Args:
-      tree: a pytree of them; tensors are detached from torch's derivatives.
+      tree: a pytree of them; tensors are detached from torch's graph.
     """
     detach = lambda x: x.detach() if hasattr(x, "detach") else x  # noqa: E731
     return jax.tree.map(lambda x: jnp.from_dlpack(detach(x)), tree)
 
 
 def shared(tree: Any, from_dlpack: Callable[[Any], Any]) -> Any:
-    """The arrays of a tree handed to another library's `from_dlpack`."""
+    """The arrays of a tree, converted by another library's `from_dlpack`."""
     return jax.tree.map(lambda x: from_dlpack(_on_one_device(x)), tree)
 
 
 def torch_from_dlpack() -> Callable[[Any], Any]:
-    """`torch.from_dlpack`, or an error that says how to get it."""
+    """`torch.from_dlpack`, or an error that says how to install torch."""
     try:
         import torch  # pyright: ignore[reportMissingImports]
     except ModuleNotFoundError as error:
@@ -61,10 +61,10 @@ def torch_from_dlpack() -> Callable[[Any], Any]:
 
 
 class TorchVectorEnv(GymnasiumVectorEnv):
-    """The vector environment with tensors in and out; nothing passes through the host.
+    """The vector environment with tensors as arguments and results, without copies to the host.
 
-    It differs from `GymnasiumVectorEnv` only in that. With SAME_STEP every step hands out
-    `infos["final_obs"]` for all environments, valid where `infos["_final_obs"]` says so.
+    Otherwise it is like `GymnasiumVectorEnv`. With SAME_STEP, every step returns
+    `infos["final_obs"]` for all environments, valid where `infos["_final_obs"]` is true.
     """
 
     def __init__(
@@ -79,8 +79,8 @@ class TorchVectorEnv(GymnasiumVectorEnv):
 
         Args:
           env: an environment, or the name of a registered one.
-          num_envs: how many of it.
-          from_dlpack: what makes an array of another library; `torch.from_dlpack` by default.
+          num_envs: number of environments.
+          from_dlpack: function that makes an array of another library; by default that of torch.
           **options: arguments of `GymnasiumVectorEnv`.
 
         Raises:
@@ -90,8 +90,8 @@ class TorchVectorEnv(GymnasiumVectorEnv):
         super().__init__(env, num_envs, **options)
 
     def _taken(self, actions: Any) -> jax.Array:
-        # An array from elsewhere is bound to its device; the environments may be on several. Their
-        # parts are no views: the caller may fill the tensor anew while the step still runs.
+        # An array of another library is on one device; the environments may be on several. Its
+        # parts are copied, because the caller may overwrite the tensor while the step still runs.
         return jax.device_put(from_torch(actions), shardings(self._mesh, SPLIT))
 
     def _started(self, fresh: Batch, mask: np.ndarray):
@@ -101,7 +101,7 @@ class TorchVectorEnv(GymnasiumVectorEnv):
         infos = info | {f"_{name}": given for name in info}
         return shared((fresh.states.obs, infos), self._from_dlpack)
 
-    def _told(self, outcome: Outcome):
+    def _results(self, outcome: Outcome):
         done = outcome.terminated | outcome.truncated
         infos = _masked(outcome.info, jnp.ones_like(done))
         self._done = done

@@ -26,8 +26,9 @@ class GymnasiumVectorEnv(VectorEnv):
     `jaxsim.configure_cpu()` is called before JAX is used.
 
     Attributes:
-      env: the environment of `jaxsim.envs`, time limit included; another one is compiled anew.
-      states: the batch of `EnvState`, on the devices; what it gave stays as it was.
+      env: the environment of `jaxsim.envs`, with its time limit; another one can be assigned, which
+        compiles again.
+      states: the batch of `EnvState`, on the devices; states that were read earlier stay valid.
     """
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 50}
@@ -49,16 +50,17 @@ class GymnasiumVectorEnv(VectorEnv):
 
         Args:
           env: an environment, or the name of a registered one.
-          num_envs: how many of it.
-          autoreset_mode: what happens after an episode's end: the next step resets
-            (NEXT_STEP), the same step does and its last observation is in `infos["final_obs"]`
-            (SAME_STEP), or the user does by `reset(options={"reset_mask": mask})` (DISABLED).
-          max_episode_steps: time limit, where the environment is given by name; None, or
-            Gymnasium's -1, for none.
+          num_envs: number of environments.
+          autoreset_mode: when an environment is reset after an episode's end: in the next step
+            (NEXT_STEP), in the same step, with its last observation in `infos["final_obs"]`
+            (SAME_STEP), or by `reset(options={"reset_mask": mask})` (DISABLED).
+          max_episode_steps: time limit, if the environment is given by name; None, or Gymnasium's
+            -1, for none.
           render_mode: "rgb_array" or None.
-          width: of rendered frames, in pixels.
-          height: of rendered frames, in pixels.
-          camera: name or number of a camera; -1 for a free one; by default the one called "track".
+          width: width of rendered frames in pixels.
+          height: height of rendered frames in pixels.
+          camera: name or number of a camera; -1 for a free camera; by default the one called
+            "track".
           **options: the fields of the environment, where it is given by name.
 
         Raises:
@@ -100,14 +102,14 @@ class GymnasiumVectorEnv(VectorEnv):
         """Start episodes.
 
         Args:
-          seed: of each environment; an integer means seed, seed + 1, ...; None continues.
-          options: `{"reset_mask": mask}` restarts only the environments in a boolean mask.
+          seed: seed of each environment; an integer means seed, seed + 1, ...; None continues.
+          options: `{"reset_mask": mask}` resets only the environments in a boolean mask.
 
         Returns:
-          Observations of all environments and the infos of those that were restarted.
+          Observations of all environments and the infos of those that were reset.
 
         Raises:
-          TypeError: the mask is no array of booleans.
+          TypeError: the mask is not an array of booleans.
           ValueError: the mask or the seeds do not fit the number of environments.
         """
         super().reset(seed=seed if isinstance(seed, int) else None)
@@ -124,13 +126,13 @@ class GymnasiumVectorEnv(VectorEnv):
         return self._started(fresh, mask)
 
     def _started(self, fresh: batch.Batch, mask: np.ndarray):
-        """What a reset tells, on the host and in Gymnasium's format."""
+        """The results of a reset on the host, in Gymnasium's format."""
         self._done = self._done & ~mask
         obs, info = jax.device_get((fresh.states.obs, public_info(fresh.states)))
         return np.array(obs), vector_info(info, mask)
 
     def _keys(self, seed: int | Sequence[int | None] | None, mask: np.ndarray) -> jax.Array:
-        """Chains of keys, begun anew where a seed is given or nothing was begun before."""
+        """Chains of keys, new ones where a seed is given or there was none before."""
         n = self.num_envs
         seeds = [seed + i for i in range(n)] if isinstance(seed, int) else list(seed or [None] * n)
         if len(seeds) != n:
@@ -167,7 +169,7 @@ class GymnasiumVectorEnv(VectorEnv):
             )
         program = autoreset.compiled_step(self._placed(), self._mesh, self.autoreset_mode)
         self._batch, outcome = program(self._batch, self._taken(actions), self._done)
-        return self._told(outcome)
+        return self._results(outcome)
 
     def _placed(self) -> Constant:
         check_fork()
@@ -178,8 +180,8 @@ class GymnasiumVectorEnv(VectorEnv):
     def _taken(self, actions: Any):
         return np.asarray(actions, np.float32).reshape(self.action_space.shape)
 
-    def _told(self, outcome: autoreset.Outcome):
-        """The outcome on the host, in Gymnasium's format; last observations only if any."""
+    def _results(self, outcome: autoreset.Outcome):
+        """The outcome on the host, in Gymnasium's format; with last observations only if needed."""
         now = jax.device_get(outcome.replace(final_obs=None, final_info=None))
         terminated, truncated = np.array(now.terminated), np.array(now.truncated)
         self._done = terminated | truncated
@@ -220,7 +222,7 @@ def _checked_mask(mask, num_envs: int) -> np.ndarray:
 
 
 def _final(obs: np.ndarray, info: dict[str, np.ndarray], done: np.ndarray) -> dict[str, Any]:
-    """Last observations as Gymnasium has them: one array, or None, for each environment."""
+    """Last observations in Gymnasium's format: one array, or None, for each environment."""
     last = np.full(len(done), None, object)
     for i in np.flatnonzero(done):
         last[i] = obs[i].copy()

@@ -1,4 +1,4 @@
-"""Environments by name: the entries, their options, and what their docstrings say."""
+"""The registry of environments by name, with their options and documentation."""
 
 from jaxsim.envs.registry.entries import Spec, make, names, on_register, register, spec
 

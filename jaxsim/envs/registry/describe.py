@@ -1,4 +1,4 @@
-"""What the docstring and the fields of an environment's class say, taken apart.
+"""Parser for the docstrings and fields of environments' classes.
 
 Docstrings of environments have paragraphs that begin `Observation (11,)`, `Action (3,)`,
 `Reward:`, `Episode:`, and `Gymnasium:`, `Brax:` or `Differences from`; `Attributes:` describes
@@ -21,9 +21,9 @@ class Option:
     """A field of an environment: an argument of `make`.
 
     Attributes:
-      name: of the field.
-      default: its value, None if the field is made by a function.
-      meaning: what the docstring says about it.
+      name: name of the field.
+      default: its default; None if a function makes it.
+      meaning: its description in the docstring.
     """
 
     name: str
@@ -33,7 +33,7 @@ class Option:
 
 @dataclasses.dataclass(frozen=True)
 class Description:
-    """An environment in words.
+    """The documentation of an environment.
 
     Attributes:
       summary: the first sentence.
@@ -49,7 +49,7 @@ class Description:
 
 
 def describe(cls: type[Env]) -> Description:
-    """Take the documentation of an environment's class apart."""
+    """Parse the documentation of an environment's class."""
     doc = inspect.getdoc(cls) or ""
     summary, _, rest = doc.partition("\n\n")
     body = re.split(r"^Attributes:$", rest, maxsplit=1, flags=re.MULTILINE)[0]

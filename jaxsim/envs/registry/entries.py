@@ -15,9 +15,9 @@ class Spec:
     """An entry of the registry.
 
     Attributes:
-      name: what `make` is called with.
+      name: name for `make`.
       cls: the class, or "module:class" until it is needed.
-      max_episode_steps: the usual length of an episode; None for no limit.
+      max_episode_steps: default length of an episode; None for no limit.
     """
 
     name: str
@@ -90,12 +90,12 @@ def _of_module(path: str) -> Spec:
 
 
 def register(name: str, cls: type, max_episode_steps: int | None = _USUAL_STEPS) -> None:
-    """Make an environment of one's own available to `make` and to the command line.
+    """Register your own environment for `make` and the command line.
 
     Args:
       name: a new name.
       cls: a flax record that derives from `Task` or `Env`; its fields become options of `make`.
-      max_episode_steps: the usual length of an episode; None for no limit.
+      max_episode_steps: default length of an episode; None for no limit.
 
     Raises:
       TypeError: the class is not an environment, or not a record.
@@ -123,7 +123,7 @@ def _checked_limit(steps: Any) -> int | None:
 
 
 def on_register(listener: Callable[[str], object]) -> None:
-    """Call a function with the name of every environment: those there are and those to come."""
+    """Call a function with the name of every environment, registered now or later."""
     _LISTENERS.append(listener)
     for name in names():
         listener(name)

@@ -19,7 +19,7 @@ def module_of(path: str) -> ModuleType:
 
 
 def named(path: str) -> Any:
-    """What "module:name" stands for; imports the module.
+    """The object "module:name"; imports the module.
 
     Args:
       path: for instance "my_package.tasks:Balance".

@@ -15,15 +15,15 @@ _NUMBER = (int, float, np.number, np.ndarray, jax.Array)
 
 
 def checked_options(name: str, cls: type, options: dict[str, Any]) -> dict[str, Any]:
-    """The options of an environment, lists as tuples.
+    """Check the options of an environment, and convert lists to tuples.
 
     Args:
-      name: of the environment, for error messages.
+      name: name of the environment in error messages.
       cls: its class, a record.
       options: values by the names of its fields.
 
     Raises:
-      TypeError: everything that is wrong with them, in one message.
+      TypeError: some options are invalid; the message lists all of them.
     """
     fields = {field.name: field for field in dataclasses.fields(cls)}
     problems, checked = [], {}
@@ -43,14 +43,14 @@ def checked_options(name: str, cls: type, options: dict[str, Any]) -> dict[str, 
 
 
 def near_names(name: str, known: Iterable[str]) -> str:
-    """What to say to somebody who asks for a name that does not exist."""
+    """A hint for an unknown name: similar names, or all of them."""
     known = sorted(known)
     near = difflib.get_close_matches(name, known, n=3)
     return f"did you mean {' or '.join(near)}?" if near else f"choose from {', '.join(known)}"
 
 
 def _wanted(field: dataclasses.Field, value: Any) -> str | None:
-    """What a field takes, where the value is something else; None where it may be right."""
+    """The type that a field expects, if the value is of another type; else None."""
     kinds = typing.get_args(field.type) or (field.type,)
     default = field.default
     if Model in kinds:
@@ -74,7 +74,7 @@ def _whole(value: Any) -> bool:
 
 
 def _real(value: Any) -> bool:
-    """Whether this is a number, or an array of them, and no NaN."""
+    """Whether this is a number or an array of numbers, without NaN."""
     real = isinstance(value, _NUMBER) and not isinstance(value, bool)
     return real and not (isinstance(value, float) and value != value)
 

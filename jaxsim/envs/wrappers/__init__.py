@@ -1,6 +1,6 @@
-"""Environments around environments; each is a record with the inner one in `env`.
+"""Wrappers: environments that modify another one, which is their field `env`.
 
-They nest in any order, except that `AutoReset` comes last, around all others.
+They nest in any order, except that `AutoReset` is the outermost.
 """
 
 from jaxsim.envs.wrappers.action_repeat import ActionRepeat

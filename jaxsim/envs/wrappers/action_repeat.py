@@ -1,4 +1,4 @@
-"""Fewer decisions per second."""
+"""`ActionRepeat`: several steps for each action."""
 
 import jax
 import jax.numpy as jnp
@@ -11,10 +11,10 @@ from jaxsim.envs.wrappers.wrapper import Wrapper
 
 @struct.dataclass
 class ActionRepeat(Wrapper):
-    """Repeats each action; rewards are added up, and nothing happens after the end of an episode.
+    """Repeats each action and sums the rewards; steps after the end of an episode do nothing.
 
-    Unlike a larger `frame_skip` it looks at the task in between. Metrics are those of the last
-    step.
+    Unlike with a larger `frame_skip`, the task is evaluated in each step. Metrics are those of the
+    last step.
 
     Attributes:
       repeats: steps of the inner environment for each action.
@@ -31,7 +31,7 @@ class ActionRepeat(Wrapper):
             total = total + jnp.where(now.done, 0, after.reward)
             return (jax.tree.map(lambda a, b: jnp.where(now.done, a, b), now, after), total), None
 
-        # What wrappers further out have made of the last step is not what the inner one returns.
+        # Outer wrappers may have changed entries that the inner environment does not return.
         inner = jax.eval_shape(self.env.step, state, action)
         blank = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), inner.replace(info={}))
         start = blank.replace(state=state.state, info=state.info)

@@ -1,4 +1,4 @@
-"""Episodes one after another, without end."""
+"""`AutoReset`: a new episode starts when one ends."""
 
 import functools
 
@@ -13,16 +13,16 @@ from jaxsim.envs.wrappers.wrapper import Wrapper, extended
 
 @struct.dataclass
 class AutoReset(Wrapper):
-    """Starts a new episode, at random, in the step in which one ends.
+    """Starts a new random episode in the step in which an episode ends.
 
-    `obs`, `state` and the inner `info` are then those of the new episode; reward, `terminated`,
-    `truncated`, metrics and solves still are those of the step that ended the old one, and
-    `info["terminal_obs"]` holds its last observation (between episodes: the current one).
+    `obs`, `state` and the inner `info` are then those of the new episode. Reward, `terminated`,
+    `truncated`, metrics and solves are those of the last step of the old one, and
+    `info["terminal_obs"]` is its last observation (in other steps: the current observation).
 
-    A step that has `diverged` ends its episode too: `terminated`, reward 0, metrics 0 except
-    `metrics["nonfinite"]`, which is 1 and otherwise 0. Nothing of it is passed on.
+    A step that has `diverged` also ends its episode, with `terminated`, reward 0, and metrics 0
+    except `metrics["nonfinite"]`, which is 1 (in other steps 0). Its numbers are discarded.
 
-    `info["reset_key"]` is the random key of the episodes to come.
+    `info["reset_key"]` is the random key of the next episodes.
     """
 
     def reset(self, key) -> EnvState:
@@ -33,7 +33,7 @@ class AutoReset(Wrapper):
         return extended(state.replace(metrics=metrics), reset_key=rest, terminal_obs=state.obs)
 
     def step(self, state, action) -> EnvState:
-        """Act for one step, and start over where the episode has ended."""
+        """Act for one step, and reset if the episode has ended."""
         key, rest = jax.random.split(state.info["reset_key"])
         fresh, after = self.env.reset(key), self.env.step(state, action)
         broken = diverged(after)

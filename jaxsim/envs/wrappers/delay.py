@@ -1,4 +1,4 @@
-"""Actions and observations that arrive late."""
+"""`Delay`: actions and observations with a delay."""
 
 import jax.numpy as jnp
 from flax import struct
@@ -10,14 +10,14 @@ from jaxsim.envs.wrappers.wrapper import Wrapper, extended
 
 @struct.dataclass
 class Delay(Wrapper):
-    """Acts with the action, and shows the observation, of some steps ago.
+    """Delays actions and observations by some steps.
 
-    Zero actions come before the first one; an episode starts as if its first observation had been
-    there for long. `info["late_actions"]` and `info["late_obs"]` hold what is under way.
+    Actions before the first one are zero, and observations before the first one are equal to it.
+    `info["late_actions"]` and `info["late_obs"]` are the queues.
 
     Attributes:
-      action: steps by which actions are late.
-      observation: steps by which observations are late.
+      action: delay of actions in steps.
+      observation: delay of observations in steps.
     """
 
     action: int = struct.field(pytree_node=False, default=1)
@@ -33,7 +33,7 @@ class Delay(Wrapper):
         )
 
     def step(self, state, action) -> EnvState:
-        """Act for one step with what was asked for before."""
+        """Act for one step with a delayed action."""
         actions = pushed(state.info["late_actions"], action)
         after = self.env.step(state, actions[0])
         seen = pushed(state.info["late_obs"], after.obs)

@@ -1,4 +1,4 @@
-"""The last observations together."""
+"""`History`: the last observations as one vector."""
 
 import jax.numpy as jnp
 from flax import struct
@@ -11,11 +11,11 @@ from jaxsim.envs.wrappers.wrapper import Wrapper, extended
 class History(Wrapper):
     """Observes the last observations, oldest first, as one vector.
 
-    An episode starts as if the first observation had been there for long. What has been seen is in
-    `info["history"]`, (length, n).
+    Observations before the first one are equal to it. `info["history"]` (length, n) are the last
+    observations.
 
     Attributes:
-      length: how many.
+      length: number of observations.
     """
 
     length: int = struct.field(pytree_node=False, default=3)
@@ -35,5 +35,5 @@ class History(Wrapper):
 
 
 def pushed(queue, newest):
-    """A queue, oldest first, with its oldest entry dropped and a new one added."""
+    """The queue, oldest entry first, without its oldest entry and with a new one."""
     return jnp.concatenate([queue[1:], newest[None]])

@@ -1,4 +1,4 @@
-"""Sensors and motors that are not exact."""
+"""`Noise`: noise on observations and actions."""
 
 import jax
 from flax import struct

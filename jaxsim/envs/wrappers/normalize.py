@@ -1,4 +1,4 @@
-"""Observations and rewards of unit size, by statistics that are data."""
+"""Normalisation of observations and rewards by given statistics."""
 
 import jax.numpy as jnp
 from flax import struct
@@ -10,15 +10,15 @@ from jaxsim.envs.wrappers.wrapper import Wrapper
 
 @struct.dataclass
 class NormalizeObservation(Wrapper):
-    """Gives `(obs - mean) / std`, clipped.
+    """Replaces observations by `(obs - mean) / std`, clipped.
 
-    The statistics are leaves: whoever collects them puts newer ones in place with `replace`. An
-    environment never changes by itself.
+    The statistics are leaves, which the user updates with `replace`; an environment does not change
+    itself.
 
     Attributes:
-      mean: mean of the observations; a scalar serves for all.
+      mean: mean of the observations; a scalar applies to all.
       std: their standard deviation.
-      limit: what is given stays within this many deviations.
+      limit: bound of the normalised observations.
     """
 
     mean: Float[Array, "n"] | float = 0.0
@@ -40,11 +40,11 @@ class NormalizeObservation(Wrapper):
 
 @struct.dataclass
 class NormalizeReward(Wrapper):
-    """Gives `reward / std`, clipped; usually by the deviation of the discounted return.
+    """Replaces rewards by `reward / std`, clipped; usually std is that of the discounted return.
 
     Attributes:
       std: standard deviation to divide by.
-      limit: what is given stays within this many deviations.
+      limit: bound of the normalised rewards.
     """
 
     std: Float[Array, ""] | float = 1.0

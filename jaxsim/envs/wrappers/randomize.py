@@ -1,4 +1,4 @@
-"""Other physics in every episode."""
+"""`Randomize`: random physics in every episode."""
 
 from collections.abc import Callable
 from typing import Any
@@ -13,11 +13,11 @@ from jaxsim.envs.wrappers.wrapper import Wrapper, extended
 
 @struct.dataclass
 class Randomize(Wrapper):
-    """Draws the numbers of the environment inside anew at every reset.
+    """Draws new numbers for the inner environment at every reset.
 
-    What differs from the nominal environment is carried in `info["drawn"]`, by the name of the
-    leaf, so a draw should leave alone what it does not change. Where an environment can keep its
-    numbers for good, map over environments instead, which costs nothing at a reset:
+    Leaves that differ from the nominal environment are stored in `info["drawn"]` by name, so `draw`
+    should not copy leaves that it does not change. If each environment can keep its numbers, map
+    over environments instead, which costs nothing at a reset:
 
       envs = jaxsim.vmap(randomize, in_axes=(None, 0))(env, keys)
       states = jaxsim.vmap(lambda env, *args: env.step(*args))(envs, states, actions)
@@ -29,7 +29,7 @@ class Randomize(Wrapper):
     draw: Callable[[Env, Any], Env] = struct.field(pytree_node=False, default=randomize)
 
     def reset(self, key) -> EnvState:
-        """Start an episode with other numbers."""
+        """Start an episode with new numbers."""
         key, draw_key = jax.random.split(key)
         env = self.draw(self.env, draw_key)
         return extended(env.reset(key), drawn=_changes(self.env, env))
@@ -40,7 +40,7 @@ class Randomize(Wrapper):
 
 
 def _changes(before: Env, after: Env) -> dict[str, Any]:
-    """Leaves of `after` that are not those of `before`, by name."""
+    """Leaves of `after` that are other objects than those of `before`, by name."""
     old, new = jax.tree.leaves_with_path(before), jax.tree.leaves(after)
     return {jax.tree_util.keystr(p): y for (p, x), y in zip(old, new, strict=True) if x is not y}
 

@@ -1,4 +1,4 @@
-"""Episodes of limited length."""
+"""`TimeLimit`: episodes of limited length."""
 
 import jax.numpy as jnp
 from flax import struct
@@ -9,7 +9,7 @@ from jaxsim.envs.wrappers.wrapper import Wrapper, extended
 
 @struct.dataclass
 class TimeLimit(Wrapper):
-    """Truncates an episode that has not ended by itself; `info["steps"]` counts.
+    """Truncates an episode after a number of steps; `info["steps"]` counts them.
 
     Attributes:
       max_episode_steps: length of an episode.

@@ -8,10 +8,10 @@ from jaxsim.model import Model
 
 @struct.dataclass
 class Wrapper(Env):
-    """An environment that changes what another one does; by itself it changes nothing.
+    """Base of wrappers: an environment that forwards everything to the one inside.
 
-    What a wrapper has to remember goes into `EnvState.info` under a name of its own, which the
-    environments inside keep.
+    The state of a wrapper is an entry of `EnvState.info` with its own name, which the environments
+    inside preserve.
 
     Attributes:
       env: the environment inside.
@@ -73,5 +73,5 @@ class Wrapper(Env):
 
 
 def extended(state: EnvState, **info) -> EnvState:
-    """The same state with additional or changed entries of `info`."""
+    """The state with additional or changed entries of `info`."""
     return state.replace(info={**state.info, **info})
