@@ -2,7 +2,7 @@
 
 Correctness first: errors against MuJoCo C with the lanes last and first, of a gradient against
 float64 on the CPU. Then steps per second of each engine that is installed (jaxsim in both layouts,
-with and without loops in command buffers; MJX; mujoco_warp with graph capture), of a gradient, and
+with loops in command buffers, as it compiles them, and without; MJX; mujoco_warp with graph capture), of a gradient, and
 of training. Each row is a process of its own, so that one that fails stops no other; its lines
 come as they are known. All programs are compiled first, many at a time, into a cache; then each row
 has the device for itself. Rows for which no time is left say so.
@@ -26,8 +26,6 @@ import common
 
 WORKER = pathlib.Path(__file__).parent / "gpu_worker.py"
 ENGINES = ("lanes last", "MJX", "mujoco_warp", "lanes first")
-# XLA otherwise asks the host after each turn of a loop whether there is another one.
-BUFFERS = "--xla_gpu_enable_command_buffer=+WHILE,+CONDITIONAL"
 COLUMNS = ("kind", "model", "engine", "batch", "note", "steps/s", "spread %", "qacc error")
 COLUMNS += ("gradient error", "return", "compile s", "temporary kB", "memory MB", "why")
 SCALE = ["envs=4096", "unroll=16", "minibatches=16", "passes=4", "total_steps=6_000_000"]
@@ -66,7 +64,7 @@ def _rows(options) -> list[dict]:
     for batch in (8192, 32768):
         for model in models:
             rates += [_rate(options, model, e, batch) for e in ENGINES[:3]]
-            rates.append(_rate(options, model, "lanes last", batch, buffers=True))
+            rates.append(_rate(options, model, "lanes last", batch, host_loops=True))
     rates += [_rate(options, "humanoid", e, 8192, iterations=1) for e in ENGINES[:3]]
     rates += [_rate(options, m, "lanes first", 8192) for m in models]
     rates.append(_rate(options, "gymnasium_humanoid", "lanes last", 8192))
@@ -100,10 +98,10 @@ def _row(kind: str, model: str, engine: str, batch: int = 0, **more) -> dict:
     return {"kind": kind, "model": model, "engine": engine, "batch": batch, **more}
 
 
-def _rate(options, model: str, engine: str, batch: int, buffers=False, **more) -> dict:
+def _rate(options, model: str, engine: str, batch: int, **more) -> dict:
     settings = {"steps": options.steps, "repetitions": options.repetitions}
-    if buffers:
-        settings |= {"note": "loops in command buffers", "flags": BUFFERS}
+    if "host_loops" in more:
+        settings["note"] = "loops outside command buffers"
     if "iterations" in more:
         settings["note"] = f"iterations={more['iterations']}"
     return _row("rate", model, engine, batch, **settings, **more)
@@ -137,8 +135,6 @@ def _run(row: dict, environment: dict, end: float) -> dict:
 
 def _work(row: dict, environment: dict, end: float, *words: str) -> dict:
     """What a worker finds, or why there is nothing."""
-    flags = f"{environment.get('XLA_FLAGS', '')} {row.get('flags', '')}".strip()
-    environment = environment | ({"XLA_FLAGS": flags} if flags else {})
     command = [sys.executable, str(WORKER), json.dumps(row), *words]
     try:
         done = subprocess.run(
