@@ -1,4 +1,4 @@
-"""Distances between geoms that may be far apart, and their nearest points."""
+"""Distances and nearest points of geoms that may be far apart."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -53,14 +53,14 @@ def geom_distances(
     pairs: np.ndarray,
     distmax: Float[Array, "n"],
 ) -> tuple[Float[Array, "n"], Float[Array, "n 6"]]:
-    """Signed distances of pairs of geoms, and segments from the first to the second.
+    """Signed distances of pairs of geoms, and their nearest points.
 
     Args:
-      model: gives types, sizes and hulls of the geoms.
-      geom_xpos: their positions (m).
-      geom_xmat: their orientations.
+      model: the model, with types, sizes and hulls of the geoms.
+      geom_xpos: positions of the geoms (m).
+      geom_xmat: orientations of the geoms.
       pairs: (n, 2) geoms, static.
-      distmax: a larger distance is replaced by this, its segment by zeros (m).
+      distmax: larger distances are replaced by this, and their nearest points by zeros (m).
     """
     shapes = Shape(geom_xpos, geom_xmat, jnp.asarray(model.geom_size, geom_xpos.dtype))
     types = model.geom_type[pairs]
@@ -87,7 +87,7 @@ def geom_distances(
 
 
 def _function(first: int, second: int) -> Callable[[Shape, Shape], Contacts] | None:
-    """Contacts with the nearest points of two types; None where there is no distance."""
+    """Pair function with the nearest points of two types; None if distances are not supported."""
     if (first, second) in _CLOSED:
         return PAIRS[first, second].function
     if first in _SOLIDS and second in _SOLIDS:
@@ -96,7 +96,7 @@ def _function(first: int, second: int) -> Callable[[Shape, Shape], Contacts] | N
 
 
 def _nearest(contacts: Contacts) -> tuple[Float[Array, ""], Float[Array, "6"]]:
-    """The smallest distance, and the segment there."""
+    """The smallest distance, and the nearest points."""
     index = jnp.argmin(contacts.dist)
     dist, pos = contacts.dist[index], contacts.pos[index]
     normal = jnp.broadcast_to(contacts.normal, contacts.pos.shape)[index]
@@ -104,7 +104,7 @@ def _nearest(contacts: Contacts) -> tuple[Float[Array, ""], Float[Array, "6"]]:
 
 
 def distance_problems(model: Any, pairs: np.ndarray) -> Iterator[int]:
-    """Geoms of pairs between which no distance can be measured."""
+    """Geoms of pairs whose distance is not supported."""
     kinds = model.geom_type[pairs]
     known = np.isin(kinds, (PLANE, *_SOLIDS)) & ((kinds != MESH) | has_hull(model)[pairs])
     # MuJoCo does not measure between planes and height fields either.
@@ -113,7 +113,7 @@ def distance_problems(model: Any, pairs: np.ndarray) -> Iterator[int]:
 
 
 def has_hull(model: Any) -> np.ndarray:
-    """(ngeom,) which geoms have a convex hull; MuJoCo makes none for meshes that cannot collide."""
+    """(ngeom,) whether each geom has a hull; MuJoCo makes none for meshes that cannot collide."""
     if isinstance(model, mujoco.MjModel):
         faces = np.append(model.mesh_polynum, 0)
         return (model.geom_type == MESH) & (faces[model.geom_dataid] > 0)
@@ -121,7 +121,7 @@ def has_hull(model: Any) -> np.ndarray:
 
 
 def measured_pairs(model: Any, s: int) -> np.ndarray:
-    """(n, 2) pairs of geoms that sensor s measures between."""
+    """(n, 2) pairs of geoms whose distances sensor s measures."""
     ends = (
         (model.sensor_objtype[s], model.sensor_objid[s]),
         (model.sensor_reftype[s], model.sensor_refid[s]),

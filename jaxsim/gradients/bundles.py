@@ -1,9 +1,9 @@
 """Estimators of the gradient of an averaged objective, `F(theta) = E f(theta + sigma xi, key)`.
 
-xi is standard normal. The mean of gradients (first order) has little variance where f is smooth,
-but misses what a jump of f contributes. The mean of values times noise (zeroth order) is right for
-every f, and noisy. See Suh, Simchowitz, Zhang and Tedrake (2022), "Do differentiable simulators
-give better policy gradients?".
+xi is standard normal. The mean of gradients (first order) has little variance if f is smooth, but
+it misses the contribution of discontinuities. The mean of values times noise (zeroth order) is
+unbiased for every f, but has more variance. See Suh, Simchowitz, Zhang and Tedrake (2022), "Do
+differentiable simulators give better policy gradients?".
 """
 
 from collections.abc import Callable
@@ -18,10 +18,10 @@ Objective = Callable[[Any, jax.Array], Float[Array, ""]]
 
 
 class Estimate(NamedTuple):
-    """A gradient and how sure it is.
+    """An estimate of a gradient.
 
     Attributes:
-      gradient: in the shape of theta.
+      gradient: the gradient, with the structure of theta.
       variance: expected squared distance from the estimator's mean.
       value: estimate of `F(theta)`.
     """
@@ -32,14 +32,15 @@ class Estimate(NamedTuple):
 
 
 class Mix(NamedTuple):
-    """Two estimates weighed against each other.
+    """A weighted mean of two estimates.
 
     Attributes:
-      estimate: the mix.
-      weight: of the first-order estimate; zero where it is biased.
+      estimate: the weighted mean.
+      weight: weight of the first-order estimate; zero if it is biased.
       bias: distance of the two gradients from each other.
-      bias_std: the distance that chance explains.
-      biased: whether the first-order estimate differs by more than chance: do not trust it.
+      bias_std: standard deviation of that distance by chance.
+      biased: whether the distance is larger than chance explains, so that the first-order estimate
+        is wrong.
     """
 
     estimate: Estimate
@@ -54,10 +55,10 @@ def first_order(f: Objective, theta: Any, key: jax.Array, *, sigma: float, sampl
 
     Args:
       f: scalar function of theta and a random key.
-      theta: where; any pytree of arrays.
-      key: of the samples.
+      theta: point at which to estimate; any pytree of arrays.
+      key: random key of the samples.
       sigma: standard deviation of the noise; zero if only the key is random.
-      samples: how many, at least two.
+      samples: number of samples, at least two.
     """
     x, back, xi, keys = _samples(theta, key, samples)
     one = lambda noise, key: jax.value_and_grad(lambda x: f(back(x), key))(x + sigma * noise)  # noqa: E731
@@ -68,14 +69,14 @@ def first_order(f: Objective, theta: Any, key: jax.Array, *, sigma: float, sampl
 def zeroth_order(f: Objective, theta: Any, key: jax.Array, *, sigma: float, samples: int):
     """Mean of `(f(theta + sigma xi_i, key_i) - b_i) xi_i / sigma`.
 
-    The baseline b_i is the mean of the other values, which takes variance away and adds no bias.
+    The baseline b_i is the mean of the other values, which reduces the variance without bias.
 
     Args:
       f: scalar function of theta and a random key; it need not be continuous.
-      theta: where; any pytree of arrays.
-      key: of the samples.
+      theta: point at which to estimate; any pytree of arrays.
+      key: random key of the samples.
       sigma: standard deviation of the noise.
-      samples: how many, at least two.
+      samples: number of samples, at least two.
     """
     if not sigma > 0:
         raise ValueError(f"zeroth order needs noise, got sigma = {sigma}")
@@ -86,12 +87,12 @@ def zeroth_order(f: Objective, theta: Any, key: jax.Array, *, sigma: float, samp
 
 
 def mixed(first: Estimate, zeroth: Estimate, *, confidence: float = 3.0) -> Mix:
-    """The inverse-variance mix of two estimates, or the second alone if the first is biased.
+    """The inverse-variance weighted mean of two estimates; only the second if the first is biased.
 
     Args:
       first: first-order estimate.
       zeroth: zeroth-order estimate of the same gradient, from other samples.
-      confidence: standard deviations between the two beyond which the first counts as biased.
+      confidence: distance, in standard deviations, above which the first counts as biased.
     """
     g1, back = ravel_pytree(first.gradient)
     g0, _ = ravel_pytree(zeroth.gradient)

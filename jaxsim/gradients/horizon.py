@@ -1,7 +1,7 @@
-"""Gradients over many steps: cut them, clip them, and see how they grow.
+"""Gradients over many steps: truncation, clipping, and a report of their growth.
 
-The gradient of a state a hundred steps ahead is a product of a hundred Jacobians. Through stiff
-contact it grows until it says nothing about a step one can take.
+The gradient of a state after a hundred steps is a product of a hundred Jacobians. Through stiff
+contacts it grows until it is not useful as a descent direction.
 """
 
 from collections.abc import Callable
@@ -15,9 +15,9 @@ from jaxtyping import Array, Bool, Float, Int
 
 @jax.custom_vjp
 def clip_cotangent(x: Any, limit: float | Float[Array, ""]) -> Any:
-    """The same x; what reverse mode sends back through it has at most this norm.
+    """Return x; in reverse mode, its cotangent is scaled down to at most this norm.
 
-    A cotangent that is not finite counts as zero. Put it around the state in the body of a loop.
+    A cotangent that is not finite becomes zero. Apply it to the state in the body of a loop.
 
     Args:
       x: a pytree of arrays.
@@ -42,7 +42,7 @@ clip_cotangent.defvjp(_clip_forward, _clip_backward)
 
 
 def truncate(x: Any, cut: Bool[Array, ""] | bool) -> Any:
-    """The same x, through which no gradient passes where `cut` is true.
+    """Return x, with derivative zero where `cut` is true.
 
     `truncate(state, t % 32 == 0)` in the body of a loop makes windows of 32 steps.
     """
@@ -55,13 +55,13 @@ def gradient_norms(
     state: Any,
     inputs: Any,
 ) -> Float[Array, "T+1"]:
-    """Norm of the gradient of a final loss with respect to each state on the way there.
+    """Norms of the gradients of a final loss with respect to all states of a trajectory.
 
     Args:
-      step: from a state and an input to the next state, `jaxsim.step` of a model for instance.
-      loss: of the final state.
-      state: where to start.
-      inputs: of each step, stacked along a leading axis.
+      step: from a state and an input to the next state, for instance `jaxsim.step` of a model.
+      loss: function of the final state.
+      state: initial state.
+      inputs: inputs of all steps, stacked along a leading axis.
 
     Returns:
       `|d loss(x_T) / d x_t|` for t = 0 to T: how the gradient grows with the horizon T - t.
@@ -80,10 +80,10 @@ def gradient_norms(
 
 
 def usable_horizon(norms: Float[Array, "T+1"], growth: float = 10.0) -> Int[Array, ""]:
-    """Number of steps before the end over which gradients stay below a multiple of the last.
+    """Number of steps before the end in which gradients stay below a multiple of the last.
 
     Args:
-      norms: what `gradient_norms` returns.
+      norms: result of `gradient_norms`.
       growth: the multiple.
     """
     fine = (norms[::-1] <= growth * norms[-1]) & jnp.isfinite(norms[::-1])

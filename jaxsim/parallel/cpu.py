@@ -1,27 +1,27 @@
-"""What the owner of a process can do for batches on a CPU, before JAX starts.
+"""Settings of a process for batches on a CPU, to be made before JAX starts.
 
-These settings hold for the whole process, so that no library may make them unasked.
+They affect the whole process, so a library must not make them without being asked.
 """
 
 import os
 
 import jax
 
-# A loop over a few dozen lanes is otherwise unrolled number by number before it could be made into
-# vectors; no option of a single program prevents that.
+# Otherwise loops over a few dozen lanes are unrolled before they can be vectorised, and no option
+# of a single program prevents that.
 _OPTIONS, _NO_UNROLLING = "--xla_backend_extra_options=", "xla_cpu_disable_loop_unrolling"
 
 
 def configure_cpu(cores: int | None = None) -> None:
     """Prepare JAX for batches on a CPU; to be called once, before JAX is used.
 
-    Every core becomes a device, as XLA's own threads cost more than they give in programs of many
-    small operations. And XLA is told, by the environment variable `XLA_FLAGS`, not to unroll loops:
-    batches then run in shorter chunks, whose numbers stay closer to the processor, and compilation
-    takes about two thirds of the time. The command line does the same.
+    Every core becomes a device, because XLA's own threads cost more than they gain in programs of
+    many small operations. The environment variable `XLA_FLAGS` tells XLA not to unroll loops:
+    batches then run in smaller chunks, which fit in the first-level cache, and compilation takes
+    about two thirds of the time. The command line calls this function, too.
 
     Args:
-      cores: how many cores to use; all that this process may run on by default.
+      cores: number of cores to use; by default all on which this process may run.
 
     Raises:
       ValueError: fewer than one core.
@@ -47,7 +47,7 @@ def keeps_loops() -> bool:
 
 
 def _with_option(flags: str) -> str:
-    """The flags with our option, beside others of its kind if there are any."""
+    """The flags with our option added to the value of the same flag, if it is set."""
     if _OPTIONS in flags:
         return flags.replace(_OPTIONS, f"{_OPTIONS}{_NO_UNROLLING},", 1)
     return f"{flags} {_OPTIONS}{_NO_UNROLLING}".strip()

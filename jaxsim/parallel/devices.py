@@ -1,4 +1,4 @@
-"""One program on all devices, each of which has its part of the batch."""
+"""Compilation of one program for all devices, each with a part of the batch."""
 
 import functools
 from collections.abc import Callable, Sequence
@@ -21,32 +21,31 @@ SPLIT, EVERYWHERE = PartitionSpec(AXIS), PartitionSpec()
 
 
 def device_mesh(devices: Sequence[jax.Device] | None = None) -> Mesh:
-    """Devices in a row: those given, or all of all processes."""
+    """A one-dimensional mesh of the given devices, or of all devices of all processes."""
     return Mesh(np.array(jax.devices() if devices is None else devices), (AXIS,))
 
 
 def dividing_mesh(batch: int) -> Mesh:
-    """As many devices of this process as divide the batch evenly."""
+    """A mesh of the largest number of this process's devices that divides the batch evenly."""
     devices = jax.local_devices()
     return device_mesh(devices[: max(n for n in range(1, len(devices) + 1) if batch % n == 0)])
 
 
 def compiler_options(platform: str) -> dict[str, Any] | None:
-    """What suits many small kernels over long vectors; None for XLA's defaults."""
+    """Compiler options for many small kernels over long vectors; None for XLA's defaults."""
     if platform == "cpu":
         return _cpu_options()
     return _gpu_options() if platform == "gpu" else None
 
 
 def _cpu_options() -> dict[str, Any]:
-    """Devices are our threads.
+    """Options for a CPU, where each device is one thread.
 
-    XLA's own cost more than they give, both those inside a kernel, which the pass that assigns them
-    would give to every kernel of some size, and those that take kernels that are ready at the same
-    time away from the cache that holds their operands: a schedule that reuses memory early leaves
-    fewer of them. Optimisation barriers are kept: sections need them, and they cost nothing at run
-    time. Vectors as wide as the processor has them are 3 to 5 per cent faster than what LLVM
-    prefers.
+    XLA's own threads cost more than they gain: those inside kernels, and those that run independent
+    kernels, whose operands are then in another core's cache. The first are disabled with the pass
+    that assigns them, the second by a schedule that reuses memory early. Optimisation barriers are
+    kept, because sections need them; they cost nothing at run time. Vectors of the processor's full
+    width are 3 to 5 per cent faster than LLVM's default.
     """
     return {
         "xla_cpu_multi_thread_eigen": False,
@@ -58,11 +57,11 @@ def _cpu_options() -> dict[str, Any]:
 
 @functools.cache
 def _gpu_options() -> dict[str, Any] | None:
-    """Loops and branches in command buffers, where the compiler has such.
+    """Options for a GPU: loops and branches in command buffers, if the compiler supports them.
 
-    XLA otherwise waits for the device after each turn of a loop, to ask whether there is another
-    one. On an H100 with 8,192 environments this made hopper 1.6 times, half_cheetah and ant 1.3
-    times as fast, and a humanoid 3 per cent slower.
+    Otherwise XLA waits for the device after each iteration of a loop to read the condition. On an
+    H100 with 8,192 environments this made hopper 1.6 times, half_cheetah and ant 1.3 times as fast,
+    and a humanoid 3 per cent slower.
     """
     options = {"xla_gpu_enable_command_buffer": ",".join(BUFFERED)}
     try:
@@ -73,7 +72,7 @@ def _gpu_options() -> dict[str, Any] | None:
 
 
 def compiled(f: Callable, platform: str) -> Callable:
-    """Compile a function, which is not to be differentiated, for one device of a platform."""
+    """Compile a function for one device of a platform; the result cannot be differentiated."""
     return jax.jit(sectioned(f, platform), compiler_options=compiler_options(platform))
 
 
@@ -83,8 +82,8 @@ def parallel(f: Callable, mesh: Mesh, in_specs: Any, out_specs: Any, donate: Any
     Args:
       f: the function; collectives along `AXIS` are allowed.
       mesh: the devices.
-      in_specs: how the arguments are split, as for `jax.shard_map`.
-      out_specs: the same for the results.
+      in_specs: how the arguments are divided, as for `jax.shard_map`.
+      out_specs: how the results are divided.
       donate: indices of arguments whose memory may be used for the results.
     """
     platform = mesh.devices.flat[0].platform
@@ -107,15 +106,15 @@ def shardings(mesh: Mesh, specs: Any) -> Any:
 
 @once_for_each
 def everywhere(tree: Any, mesh: Mesh) -> Any:
-    """A tree on all devices, copied once: that takes longer than many a program that reads it."""
+    """A tree on all devices; copied only once, because copying takes longer than short programs."""
     return jax.device_put(tree, shardings(mesh, EVERYWHERE))
 
 
 def split(tree: Any, mesh: Mesh) -> Any:
-    """A tree cut along its first axis, each device's part on that device.
+    """A tree divided along its first axis, with each device's part on that device.
 
-    Arrays on one device of a CPU go there as NumPy's views of the same memory: JAX would run a
-    program for each part of each array, which takes three times as long.
+    Arrays on a CPU are passed as NumPy views of the same memory: JAX would run a program for each
+    part of each array, which takes three times as long.
     """
     view = lambda x: np.asarray(x) if _is_on_one_cpu(x) else x  # noqa: E731
     tree = tree if mesh.size == 1 else jax.tree.map(view, tree)

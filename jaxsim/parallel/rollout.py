@@ -1,4 +1,4 @@
-"""Rollouts of many environments at once: all devices, chunks that stay in cache, batch last."""
+"""`batch_rollout`: rollouts of many environments, on all devices and in chunks."""
 
 import functools
 from collections.abc import Callable
@@ -33,21 +33,21 @@ def batch_rollout(
 ) -> State | tuple[State, Any] | tuple[State, Any, Status]:
     """Simulate a batch of environments over sequences of controls.
 
-    The batch is split over all devices, and on a CPU into chunks that stay in cache. For a CPU,
-    `jaxsim.configure_cpu()` should be called before JAX is used; the command line does so. Within
-    `jax.jit`, `jax.grad` and the like it is part of their program, which is on one device; of its
-    steps reverse mode stores what `jaxsim.checkpoint` does.
+    The batch is divided among all devices, and on a CPU into chunks that fit in the cache. On a
+    CPU, call `jaxsim.configure_cpu()` before JAX is used, as the command line does. Inside
+    `jax.jit`, `jax.grad` and other transformations, the rollout is part of their program on one
+    device, and reverse mode stores the same as with `jaxsim.checkpoint`.
 
     Args:
       model: the model, shared by all environments.
       states: states with a leading batch axis.
-      ctrls: controls of each environment and step.
+      ctrls: (B, T, nu) controls of each environment and step.
       observe: function of the state of one environment, evaluated after each step.
-      status: whether to tell how the solves of each environment went, over all its steps.
+      status: whether to return the combined status of each environment's solves, too.
 
     Returns:
       The final states; with `observe`, also its results with leading axes (B, T); with `status`,
-      also that of each environment.
+      also the status of each environment.
 
     Raises:
       TypeError: an argument, or the numbers in an array, are of the wrong type.
@@ -74,7 +74,7 @@ def batch_rollout(
 
 
 def _asked_for(found, observe, status: bool):
-    """What the user wants of final states, observations and statuses."""
+    """The requested ones of final states, observations and statuses."""
     asked = [x for x, wanted in zip(found, (True, observe, status), strict=True) if wanted]
     return tuple(asked) if len(asked) > 1 else asked[0]
 
@@ -83,7 +83,7 @@ def _asked_for(found, observe, status: bool):
 def _compiled(observe, status: bool, mesh: Mesh, constants: Constants):
     """The rollout of all chunks on all devices; one compilation for each model structure.
 
-    The directions of the joints are part of the program, so that it can be a planar one.
+    The axes of the joints are constants of the program, so that planar models are recognised.
     """
     platform = mesh.devices.flat[0].platform
 
@@ -115,7 +115,7 @@ def _on_one_device(model: Model, run, states: State, ctrls, platform: str):
 
 
 def _chunked(f, states, ctrls, limit: int):
-    """`lax.map` over equal chunks of whole vectors; the last one is filled up with copies."""
+    """`lax.map` over equal chunks of whole vectors; the last chunk is padded with copies."""
     lanes = ctrls.shape[0]
     chunks = -(-lanes // limit)
     size = -(-lanes // (chunks * tuning.VECTOR)) * tuning.VECTOR

@@ -1,4 +1,4 @@
-"""`geom_distance`: how far two geoms are apart."""
+"""`geom_distance`: distance and nearest points of two geoms."""
 
 from typing import NamedTuple
 
@@ -14,11 +14,11 @@ from jaxsim.model.inputs import admit
 
 
 class GeomDistance(NamedTuple):
-    """How far two geoms are apart.
+    """Distance and nearest points of two geoms.
 
     Attributes:
-      distance: signed distance, negative where they overlap, at most `distmax` (m).
-      fromto: nearest points of the first and of the second; zeros where `distmax` is reached (m).
+      distance: signed distance, negative for overlap, at most `distmax` (m).
+      fromto: nearest points of the first and of the second (m); zeros if `distmax` is reached.
     """
 
     distance: Float[Array, ""]
@@ -29,24 +29,24 @@ class GeomDistance(NamedTuple):
 def geom_distance(
     model: Model, state: State, geom1: int | str, geom2: int | str, distmax: float = 1e10
 ) -> GeomDistance:
-    """Signed distance and nearest points of two geoms: MuJoCo's `mj_geomDistance`.
+    """Signed distance and nearest points of two geoms, as MuJoCo's `mj_geomDistance`.
 
-    Meshes are their convex hulls. Differentiable with respect to the state and the model, where the
-    nearest features are held fixed.
+    Meshes are replaced by their convex hulls. The result is differentiable with respect to the
+    state and the model, with the nearest features held fixed.
 
     Args:
       model: the model.
       state: the state.
-      geom1: a geom, by its number or its name.
-      geom2: another one.
-      distmax: larger distances are not looked for (m).
+      geom1: first geom, by number or by name.
+      geom2: second geom, by number or by name.
+      distmax: largest distance; larger ones are clipped (m).
 
     Raises:
-      ModelError: there is no distance between geoms of these types, or a mesh that cannot collide
-        has no hull.
-      IndexError: there is no geom of this number.
-      KeyError: there is no geom of this name.
-      TypeError: an argument, or the numbers in an array, are of the wrong type.
+      ModelError: distances between these types are not supported, or a mesh that cannot collide has
+        no hull.
+      IndexError: there is no geom with this number.
+      KeyError: there is no geom with this name.
+      TypeError: an argument is of the wrong class, or its numbers are of the wrong type.
       ValueError: an array has the wrong shape.
     """
     model, state, _ = admit(model, state)

@@ -1,4 +1,4 @@
-"""The contact sensor: data of the contacts between some geoms, bodies or subtrees."""
+"""The contact sensor: data of the contacts between two geoms, bodies or subtrees."""
 
 from typing import NamedTuple
 
@@ -20,12 +20,12 @@ from jaxsim.spatial import twist_at
 
 _Data, _Object = mujoco.mjtConDataField, mujoco.mjtObj
 _SITE = int(_Object.mjOBJ_SITE)
-# MuJoCo's ways to choose contacts; without any it takes the first.
+# MuJoCo's reductions of contacts; without any, the first ones are read.
 _MINDIST, _MAXFORCE, _NETFORCE = 1, 2, 3
 
 
 class _Contacts(NamedTuple):
-    """Contacts in MuJoCo's order, of nc slots those that hold one."""
+    """Active contacts in MuJoCo's order, in nc slots."""
 
     there: Bool[Array, "nc"]
     dist: Float[Array, "nc"]
@@ -39,10 +39,10 @@ class _Contacts(NamedTuple):
 
 
 def contact(r: Readings, g: SensorGroup) -> Float[Array, "n dim"]:
-    """What `data` asks for, of the contacts that match, `num` of them or their net force.
+    """The quantities in `data` of `num` contacts that match, or of their net force.
 
-    Forces are on the second object, in the frame of the contact, whose normal points away from the
-    first. Which contacts are read has no derivative; what is read has.
+    Forces are on the second object, in the contact frame, whose normal points away from the first.
+    The selection of contacts has no derivative; the quantities have.
     """
     fields, reduce, num = g.intprm
     found = _in_order(r)
@@ -56,7 +56,7 @@ def contact(r: Readings, g: SensorGroup) -> Float[Array, "n dim"]:
 
 
 def _in_order(r: Readings) -> _Contacts:
-    """Contacts by bodies, then by geoms, as MuJoCo lists them."""
+    """Contacts ordered by bodies, then by geoms, as in MuJoCo."""
     model, c = r.model, r.signals.contact
     body1, body2 = (gather(model.geom_bodyid, geom) for geom in (c.geom1, c.geom2))
     static = isinstance(body1, np.ndarray) and isinstance(body2, np.ndarray)
@@ -70,7 +70,7 @@ def _in_order(r: Readings) -> _Contacts:
 
 
 def _matches(r: Readings, g: SensorGroup, c: _Contacts) -> Int[Array, "n nc"]:
-    """1 where a contact is of the sensor's objects in this order, -1 in the other, else 0."""
+    """1 if a contact is between the sensor's objects in this order, -1 if in reverse, else 0."""
     first1, first2 = _involved(r.model, g.objtype, g.obj, c)
     second1, second2 = _involved(r.model, g.reftype, g.ref, c)
     regular, reverse = first1 & second2, first2 & second1
@@ -85,7 +85,7 @@ def _matches(r: Readings, g: SensorGroup, c: _Contacts) -> Int[Array, "n nc"]:
 
 
 def _involved(model: Model, kind: int, ids: np.ndarray, c: _Contacts):
-    """(n, nc) twice: whether each object has the first and the second geom of each contact."""
+    """Two (n, nc) masks: whether each object has the first, or second, geom of each contact."""
     if kind == int(_Object.mjOBJ_GEOM):
         return ids[:, None] == c.geom1[None], ids[:, None] == c.geom2[None]
     if kind == int(_Object.mjOBJ_BODY):
@@ -98,7 +98,7 @@ def _involved(model: Model, kind: int, ids: np.ndarray, c: _Contacts):
 
 
 def _below(model: Model) -> np.ndarray:
-    """(nbody, nbody) whether the second body is the first or in its subtree."""
+    """(nbody, nbody) mask: whether the second body is in the subtree of the first."""
     below = np.eye(model.nbody, dtype=bool)
     for body in range(1, model.nbody):
         below[:, body] |= below[:, model.body_parentid[body]]
@@ -106,7 +106,7 @@ def _below(model: Model) -> np.ndarray:
 
 
 def _inside(r: Readings, g: SensorGroup, points: Float[Array, "nc 3"]) -> Bool[Array, "n nc"]:
-    """Whether contacts are in the volumes of the sensors' sites."""
+    """Whether each contact is in the volume of each sensor's site."""
     model = r.model
     pos, mat = r.frame(_SITE, g.obj)
     rows = []
@@ -118,7 +118,7 @@ def _inside(r: Readings, g: SensorGroup, points: Float[Array, "nc 3"]) -> Bool[A
 
 
 def _data(r: Readings, fields: int, c: _Contacts) -> Float[Array, "nc k"]:
-    """What the sensors read of each contact in its own direction, but for the number found."""
+    """The data of each contact in its own frame, without the number of contacts found."""
     asked = lambda field: fields >> int(field) & 1  # noqa: E731
     values = {
         _Data.mjCONDATA_FORCE: c.wrench[:, :3],
@@ -148,7 +148,7 @@ def _velocity(r: Readings, c: _Contacts) -> Float[Array, "nc 6"]:
 
 
 def _reversed(fields: int) -> np.ndarray:
-    """Signs of the columns of `_data` seen from the other side: axes 1 and 2 of a frame turn."""
+    """Signs of the columns of `_data` for reversed objects: normal and first tangent flip."""
     turned = [1.0, 1.0, -1.0]
     signs = {
         _Data.mjCONDATA_DIST: [1.0],
@@ -162,7 +162,7 @@ def _reversed(fields: int) -> np.ndarray:
 
 
 def _chosen(fields: int, reduce: int, num: int, c: _Contacts, values, sign) -> Float[Array, "dim"]:
-    """The data of the first contacts, or of the nearest or strongest, one after the other."""
+    """The data of the selected contacts: the first, the closest or the strongest ones."""
     count = jnp.sum(sign != 0)
     order = {_MINDIST: c.dist, _MAXFORCE: -jnp.sum(c.wrench**2, axis=1)}
     score = lax.stop_gradient(order.get(reduce, jnp.arange(len(c.dist), dtype=c.dist.dtype)))
@@ -177,7 +177,7 @@ def _chosen(fields: int, reduce: int, num: int, c: _Contacts, values, sign) -> F
 
 
 def _net_force(fields: int, c: _Contacts, sign) -> Float[Array, "dim"]:
-    """Total force and torque of the contacts in world axes, about the centre of the forces."""
+    """Total force and torque of the contacts in world axes, about their force-weighted centroid."""
     wrench = c.wrench * sign[:, None]
     force, torque = (jnp.einsum("nij,ni->nj", c.frame, w) for w in (wrench[:, :3], wrench[:, 3:]))
     weight = jax.vmap(safe_norm)(wrench[:, :3])

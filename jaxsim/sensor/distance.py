@@ -1,4 +1,4 @@
-"""Sensors of the distance between geoms, and between all geoms of bodies."""
+"""Sensors of distances between geoms, or between all geoms of two bodies."""
 
 import jax
 import jax.numpy as jnp
@@ -13,23 +13,23 @@ from jaxsim.sensor.readings import Readings
 
 
 def geomdist(r: Readings, g: SensorGroup) -> Float[Array, "n 1"]:
-    """Signed distance, at most the cutoff (m)."""
+    """Signed distance, clipped to the cutoff (m)."""
     return _nearest(r, g)[0][:, None]
 
 
 def geomnormal(r: Readings, g: SensorGroup) -> Float[Array, "n 3"]:
-    """Direction of the segment from the first to the second; zero beyond the cutoff."""
+    """Direction between the nearest points, from first to second; zero beyond the cutoff."""
     segment = _nearest(r, g)[1]
     return jax.vmap(lambda v: v / norm_and_divisor(v)[1])(segment[:, 3:] - segment[:, :3])
 
 
 def geomfromto(r: Readings, g: SensorGroup) -> Float[Array, "n 6"]:
-    """Nearest points of the first and the second; zero beyond the cutoff (m)."""
+    """Nearest points of the first and of the second; zero beyond the cutoff (m)."""
     return _nearest(r, g)[1]
 
 
 def _nearest(r: Readings, g: SensorGroup) -> tuple[Float[Array, "n"], Float[Array, "n 6"]]:
-    """Distance and segment of the nearest pair of geoms of each sensor."""
+    """Distance and nearest points of the closest pair of geoms of each sensor."""
     model, kin = r.model, r.motion.kin
     parts = [measured_pairs(model, int(s)) for s in g.sensors]
     owner = np.repeat(np.arange(len(g)), [len(part) for part in parts])

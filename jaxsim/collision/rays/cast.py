@@ -1,4 +1,4 @@
-"""The first geom that a ray meets."""
+"""`cast_ray`: the first geom on a ray."""
 
 import functools
 from collections.abc import Iterator
@@ -25,12 +25,12 @@ _MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
 
 @struct.dataclass
 class RayHit:
-    """Where a ray meets the first geom.
+    """The first intersection of a ray with a geom.
 
     Attributes:
-      distance: in units of the direction's length; -1 where nothing is hit.
-      geom: which geom it is; -1 where nothing is hit.
-      normal: unit normal of its surface there, outward; zero where nothing is hit.
+      distance: distance in units of the direction's length; -1 if nothing is hit.
+      geom: id of the geom; -1 if nothing is hit.
+      normal: outward unit normal of its surface there; zero if nothing is hit.
     """
 
     distance: Float[Array, ""]
@@ -50,13 +50,13 @@ def cast_ray(
     """The first geom on a ray.
 
     Args:
-      model: gives types and sizes of the geoms.
-      geom_xpos: their positions (m).
-      geom_xmat: their orientations.
-      origin: where the ray starts (m).
-      direction: where it goes, of any length.
-      geoms: (n,) geoms that are tried, static.
-      seen: which of these count; None for all.
+      model: the model, with types and sizes of the geoms.
+      geom_xpos: positions of the geoms (m).
+      geom_xmat: orientations of the geoms.
+      origin: start of the ray (m).
+      direction: direction of the ray, of any length.
+      geoms: (n,) geoms to test, static.
+      seen: (n,) whether the ray can hit each of these; None for all.
     """
     seen = jnp.ones(len(geoms), bool) if seen is None else seen
 
@@ -67,7 +67,7 @@ def cast_ray(
 
     if not len(geoms):
         return RayHit(jnp.full((), -1.0, origin.dtype), jnp.full((), -1), jnp.zeros_like(origin))
-    # Moving the start along the surface changes nothing, so the gradient is along the normal.
+    # Moving the start parallel to the surface keeps the distance: its gradient is along the normal.
     (t, (hit, leaving, which)), gradient = jax.value_and_grad(first, has_aux=True)(origin)
     normal = jnp.where(leaving, -1.0, 1.0) * gradient / norm_and_divisor(gradient)[1]
     return RayHit(
@@ -78,7 +78,7 @@ def cast_ray(
 
 
 def _nearest(model, geom_xpos, geom_xmat, origin, direction, geoms, seen):
-    """Distance, whether the ray leaves there, and the geom; the first of equally near ones."""
+    """Distance, whether the ray leaves the geom there, and the geom; the first among equals."""
     pos, mat = take(geom_xpos, geoms), take(geom_xmat, geoms)
     p = jax.vmap(lambda pos, R: (origin - pos) @ R)(pos, mat)
     d = jax.vmap(lambda R: direction @ R)(mat)
@@ -92,7 +92,7 @@ def _nearest(model, geom_xpos, geom_xmat, origin, direction, geoms, seen):
 
 
 def _crossings(model, geoms, size, seen, p, d) -> Iterator[tuple[Array, Array, Array]]:
-    """Crossings with the geoms, type by type; with all meshes together the nearest one."""
+    """Intersections with the geoms of each type; for meshes, the nearest one of all."""
     kinds = model.geom_type[geoms]
     for kind in np.unique(kinds):
         (at,) = np.nonzero(kinds == kind)

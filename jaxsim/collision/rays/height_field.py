@@ -1,7 +1,7 @@
-"""Rays against height fields: what is above the ground, its four sides and the base below it.
+"""Rays against height fields: the surface, the four sides and the base below.
 
-A line crosses the lines of the grid one after another; between two crossings it is in one cell,
-whose two triangles are tried. So the cost is that of a row and a column, not of the whole field.
+Between two crossings of grid lines, a ray is in one cell, whose two triangles are tested. So the
+cost is proportional to the rows and columns, not to the number of cells.
 """
 
 import jax
@@ -21,13 +21,13 @@ def height_field(
     p: Float[Array, "3"],
     d: Float[Array, "3"],
 ) -> Crossing:
-    """Where a ray meets a height field, in its axes.
+    """Intersection of a ray with a height field, in its axes.
 
     Args:
-      heights: of the points of the grid (m), rows along y.
-      size: MuJoCo's: half-lengths, greatest height and depth of the base (m).
-      p: where the ray starts.
-      d: its direction.
+      heights: heights of the points of the grid (m), rows along y.
+      size: MuJoCo's `hfield_size`: half-lengths, largest height and depth of the base (m).
+      p: start of the ray.
+      d: direction of the ray.
     """
     base = jnp.asarray([size[0], size[1], size[3] / 2], p.dtype)
     below = crossing(box(base, p.at[2].add(size[3] / 2), d))
@@ -39,7 +39,7 @@ def height_field(
 
 
 def _surface(heights, size, p, d) -> Crossing:
-    """The triangles on top, of which those on the way of the ray are tried."""
+    """Intersection with the surface, by the triangles of the cells below the ray."""
     count = np.array(heights.shape[::-1])
     step = 2 * size[:2] / (count - 1)
     cells = _cells(count, step, size, *jax.lax.stop_gradient((p, d)))
@@ -58,7 +58,7 @@ def _surface(heights, size, p, d) -> Crossing:
 
 
 def _cells(count: np.ndarray, step: np.ndarray, size, p, d):
-    """Columns and rows of the cells that a ray is in between crossings with the grid's lines."""
+    """Columns and rows of the cells of a ray between its crossings with the grid's lines."""
     times = []
     for axis in (0, 1):
         moving = jnp.abs(d[axis]) >= MINVAL
@@ -73,7 +73,7 @@ def _cells(count: np.ndarray, step: np.ndarray, size, p, d):
 
 
 def _side(heights, size, p, d, axis: int, sign: int) -> Crossing:
-    """The wall below one of the edges of the surface."""
+    """Intersection with the wall below one of the edges of the surface."""
     other, edge = 1 - axis, -1 if sign > 0 else 0
     profile = heights[:, edge] if axis == 0 else heights[edge]
     moving = jnp.abs(d[axis]) > MINVAL

@@ -1,7 +1,7 @@
-"""Intervals `(first, last)` in which a line `p + t d` is inside a convex shape, and what they say.
+"""Intervals `(first, last)` of t in which a line `p + t d` is inside a convex shape.
 
-An empty interval is `(inf, -inf)`. A line that never moves across a shape is inside for all t or
-for none, as MuJoCo counts speeds below 1e-15.
+An empty interval is `(inf, -inf)`. If a line does not move across a shape (at a speed below 1e-15,
+as in MuJoCo), it is inside for all t or for none.
 """
 
 import jax.numpy as jnp
@@ -15,11 +15,11 @@ Crossing = tuple[Float[Array, ""], Bool[Array, ""]]
 
 
 def ball(p: Float[Array, "n"], d: Float[Array, "n"], radius: Float[Array, ""] | float) -> Interval:
-    """Where `|p + t d| <= radius`: a ball, or in two dimensions a tube."""
+    """Interval with `|p + t d| <= radius`: a ball, or in two dimensions an infinite cylinder."""
     square = d @ d
     still = square < MINVAL
     square = jnp.where(still, 1.0, square)
-    # From the point next to the centre, which keeps float32 accurate far away.
+    # Computed from the point closest to the centre, which is accurate in float32 for far rays.
     middle = jnp.where(still, 0.0, -(p @ d) / square)
     nearest = p + middle * d
     rest = radius**2 - nearest @ nearest
@@ -30,7 +30,7 @@ def ball(p: Float[Array, "n"], d: Float[Array, "n"], radius: Float[Array, ""] | 
 
 
 def slab(p: Float[Array, ""], d: Float[Array, ""], half: Float[Array, ""]) -> Interval:
-    """Where `|p + t d| <= half`."""
+    """Interval with `|p + t d| <= half`."""
     still = jnp.abs(d) < MINVAL
     speed = jnp.where(still, 1.0, d)
     one, two = (-half - p) / speed, (half - p) / speed
@@ -44,13 +44,13 @@ def _closed(missed, still, first, last) -> Interval:
 
 
 def common(*intervals: Interval) -> Interval:
-    """The intersection."""
+    """The intersection of intervals."""
     first, last = zip(*intervals, strict=True)
     return jnp.stack(first).max(), jnp.stack(last).min()
 
 
 def hull(*intervals: Interval) -> Interval:
-    """The smallest interval around some, of which empty ones count for nothing."""
+    """The smallest interval that contains all intervals; empty ones are ignored."""
     first, last = zip(*intervals, strict=True)
     empty = [a > b for a, b in intervals]
     first = [jnp.where(e, jnp.inf, a) for e, a in zip(empty, first, strict=True)]
@@ -59,13 +59,13 @@ def hull(*intervals: Interval) -> Interval:
 
 
 def meets(interval: Interval) -> Bool[Array, ""]:
-    """Whether a point with `t >= 0` is inside."""
+    """Whether the interval contains some `t >= 0`."""
     first, last = interval
     return (first <= last) & (last >= 0)
 
 
 def crossing(interval: Interval) -> Crossing:
-    """Where the ray enters the shape, or, from inside, where it leaves."""
+    """Parameter t at which the ray enters the shape, or leaves it if it starts inside."""
     leaving = interval[0] < 0
     t = jnp.where(leaving, interval[1], interval[0])
     return jnp.where(meets(interval), t, jnp.inf), leaving

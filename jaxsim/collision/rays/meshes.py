@@ -1,4 +1,4 @@
-"""Rays against meshes: the triangles of all of them in one table, so that programs stay small."""
+"""Rays against meshes: the triangles of all meshes in one table, which keeps programs small."""
 
 import jax.numpy as jnp
 import mujoco
@@ -18,18 +18,18 @@ def mesh_crossing(
     p: Float[Array, "n 3"],
     d: Float[Array, "n 3"],
 ) -> tuple[Crossing, Int[Array, ""]]:
-    """Where a ray meets the nearest of some meshes, and which one that is.
+    """The nearest intersection of a ray with some meshes, and the mesh.
 
-    The corners are in units of the size, and so is the ray: a linear map does not change where on a
-    ray a point is.
+    Corners and ray are in units of the size, because a linear map does not change the parameter of
+    a point on a ray.
 
     Args:
-      source: has the meshes.
+      source: the compiled model with the meshes.
       geoms: geoms with meshes, static.
       size: their sizes, the largest coordinates of their corners (m).
-      seen: which of them count.
-      p: where the ray starts, in the axes of each.
-      d: its direction.
+      seen: whether the ray can hit each geom.
+      p: start of the ray in the axes of each geom.
+      d: direction of the ray in the axes of each geom.
     """
     corners = [_corners(source, int(geom)) for geom in geoms]
     table = Triangles.of(np.concatenate(corners), p.dtype)

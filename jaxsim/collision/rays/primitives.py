@@ -13,33 +13,33 @@ _Vec = Float[Array, "3"]
 
 
 def sphere(size: _Vec, p: _Vec, d: _Vec) -> Interval:
-    """Of radius `size[0]`."""
+    """Interval inside a sphere of radius `size[0]`."""
     return ball(p, d, size[0])
 
 
 def capsule(size: _Vec, p: _Vec, d: _Vec) -> Interval:
-    """Of radius `size[0]` and half-length `size[1]`: a tube and two balls."""
+    """Interval inside a capsule of radius `size[0]` and half-length `size[1]`."""
     tip = jnp.zeros_like(p).at[2].set(size[1])
     return hull(cylinder(size, p, d), ball(p - tip, d, size[0]), ball(p + tip, d, size[0]))
 
 
 def ellipsoid(size: _Vec, p: _Vec, d: _Vec) -> Interval:
-    """Of semi-axes `size`: the unit ball, scaled."""
+    """Interval inside an ellipsoid of semi-axes `size`."""
     return ball(p / size, d / size, 1.0)
 
 
 def cylinder(size: _Vec, p: _Vec, d: _Vec) -> Interval:
-    """Of radius `size[0]` and half-length `size[1]`: a tube between two planes."""
+    """Interval inside a cylinder of radius `size[0]` and half-length `size[1]`."""
     return common(ball(p[:2], d[:2], size[0]), slab(p[2], d[2], size[1]))
 
 
 def box(size: _Vec, p: _Vec, d: _Vec) -> Interval:
-    """Of half-lengths `size`."""
+    """Interval inside a box of half-lengths `size`."""
     return common(*(slab(p[k], d[k], size[k]) for k in range(3)))
 
 
 def plane(size: _Vec, p: _Vec, d: _Vec) -> Crossing:
-    """The front of a plane, of half-lengths `size[:2]` where these are positive."""
+    """Intersection with the front of a plane, of half-lengths `size[:2]` if these are positive."""
     toward = d[2] < -MINVAL
     t = -p[2] / jnp.where(toward, d[2], 1.0)
     at = jnp.abs((p + t * d)[:2])
@@ -59,7 +59,7 @@ INTERVALS: dict[int, Callable[[_Vec, _Vec, _Vec], Interval]] = {
 
 
 def primitive(kind: int, size: _Vec, p: _Vec, d: _Vec) -> Crossing:
-    """Where a ray meets a plane or a convex shape of one of these kinds."""
+    """Intersection of a ray with a plane or a convex primitive."""
     if kind == int(_Geom.mjGEOM_PLANE):
         return plane(size, p, d)
     return crossing(INTERVALS[kind](size, p, d))

@@ -1,7 +1,7 @@
-"""Rays against triangles: all of them are tried, and the nearest one that is hit is intersected.
+"""Rays against triangles: all are tested, and the nearest one that is hit is intersected.
 
-Möller and Trumbore, "Fast, minimum storage ray/triangle intersection", 1997. Which triangle is hit
-has no derivative; where it is hit has.
+Möller and Trumbore, "Fast, minimum storage ray/triangle intersection", 1997. The derivative holds
+the triangle that is hit fixed.
 """
 
 from typing import NamedTuple
@@ -15,15 +15,15 @@ from jaxsim.collision.rays.interval import Crossing
 
 
 class Triangles(NamedTuple):
-    """Triangles, counterclockwise from outside; one of them has no last axis.
+    """Triangles, counterclockwise seen from outside; a single triangle has no last axis.
 
-    Components come first, so that computers work on many triangles at a time.
+    Components are the first axis, so that loops over triangles are vectorised.
 
     Attributes:
-      corner: one of the corners.
-      edge1: from there to the next.
-      edge2: from there to the last.
-      normal: outward, of any length.
+      corner: first corner.
+      edge1: vector from it to the second corner.
+      edge2: vector from it to the third corner.
+      normal: outward normal, of any length.
     """
 
     corner: Float[Array, "3 n"]
@@ -33,7 +33,7 @@ class Triangles(NamedTuple):
 
     @classmethod
     def of(cls, corners: np.ndarray, dtype) -> "Triangles":
-        """From (n, 3, 3) corners, known numbers."""
+        """Triangles from NumPy corners (n, 3, 3)."""
         first, second, third = (corners[:, k] for k in range(3))
         edges = second - first, third - first
         return cls(*(jnp.asarray(x.T, dtype) for x in (first, *edges, np.cross(*edges))))
@@ -48,28 +48,28 @@ def nearest_triangle(
     d: Float[Array, "3 n"],
     seen: Bool[Array, "n"] | bool = True,
 ) -> Int[Array, ""]:
-    """The first triangle that a ray hits, any for a miss.
+    """The first triangle that a ray hits; an arbitrary one if it hits none.
 
     Args:
-      triangles: n of them.
-      p: where the ray starts, in the axes of each triangle.
-      d: its direction.
-      seen: which triangles count.
+      triangles: n triangles.
+      p: start of the ray, in the axes of each triangle.
+      d: direction of the ray.
+      seen: whether the ray can hit each triangle.
     """
     t, hit = _intersection(*lax.stop_gradient((triangles, p, d)))
     t = jnp.where(hit & seen, t, jnp.inf)
-    # Compilers make two loops of numbers of this, and none of pairs as of `argmin`.
+    # Two reductions, which are vectorised, unlike `argmin`, a reduction of pairs.
     return jnp.min(jnp.where(t == jnp.min(t), lax.iota(jnp.int32, len(t)), len(t) - 1))
 
 
 def triangle_crossing(triangle: Triangles, p: Float[Array, "3"], d: Float[Array, "3"]) -> Crossing:
-    """Where a ray meets one triangle."""
+    """Intersection of a ray with one triangle."""
     t, hit = _intersection(triangle, p, d)
     return jnp.where(hit, t, jnp.inf), _dot(triangle.normal, d) > 0
 
 
 def _intersection(triangles: Triangles, p, d) -> tuple[Float[Array, "*n"], Bool[Array, "*n"]]:
-    """Where a ray meets the plane of each triangle, and whether that is on the triangle."""
+    """Intersection of a ray with the plane of each triangle, and whether it is in the triangle."""
     corner, edge1, edge2, normal = triangles
     speed = _dot(normal, d)
     parallel = speed == 0
@@ -77,7 +77,7 @@ def _intersection(triangles: Triangles, p, d) -> tuple[Float[Array, "*n"], Bool[
     to = corner - p
     across = _cross(to, d)
     u, v = _dot(edge2, across) / speed, -_dot(edge1, across) / speed
-    # A ray through an edge must not slip between its triangles.
+    # The tolerance keeps a ray through a common edge from missing both triangles.
     slack = -8 * float(jnp.finfo(p.dtype).eps)
     t = _dot(normal, to) / speed
     hit = ~parallel & (u >= slack) & (v >= slack) & (u + v <= 1 - slack) & (t >= 0)

@@ -1,4 +1,4 @@
-"""Which geoms rays see."""
+"""Which geoms rays can hit."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -13,7 +13,7 @@ _KNOWN = (int(_Geom.mjGEOM_PLANE), int(_Geom.mjGEOM_HFIELD), int(_Geom.mjGEOM_ME
 
 
 def opaque_geoms(mj: mujoco.MjModel) -> np.ndarray:
-    """(ngeom,) which geoms, or else their materials, have an alpha that is not zero."""
+    """(ngeom,) whether each geom, or else its material, has a nonzero alpha."""
     own, looks = mj.geom_rgba[:, 3], np.append(mj.mat_rgba[:, 3], 0)
     return np.where(mj.geom_matid < 0, own, looks[mj.geom_matid]) != 0
 
@@ -24,7 +24,7 @@ def visible_geoms(
     flg_static: bool = True,
     bodyexclude: int = -1,
 ) -> np.ndarray:
-    """(ngeom,) which geoms a ray sees: `mj_ray`'s rules. Transparent ones are not seen."""
+    """(ngeom,) whether a ray can hit each geom, by `mj_ray`'s rules; not if it is transparent."""
     body = model.geom_bodyid
     seen = model.geom_opaque & (body != bodyexclude)
     if not flg_static:
@@ -36,5 +36,5 @@ def visible_geoms(
 
 
 def ray_problems(model: Any, seen: np.ndarray) -> Iterator[int]:
-    """Visible geoms of a type that no ray can meet."""
+    """Visible geoms of a type that rays do not support."""
     yield from np.flatnonzero(seen & ~np.isin(model.geom_type, _KNOWN)).tolist()
