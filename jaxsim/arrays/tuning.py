@@ -9,25 +9,27 @@ hundred lanes. A lane is one environment of a batch.
 # --- Sections: what a CPU runs as one function (`batching.sections`) ---
 
 SECTION_MIN = 32
-"""Equations from which a section repays its call.
+"""Least number of equations of a section; below it, the call costs more than the section saves.
 
-Gains: hopper's step takes 0.6 of its time with sections; of the limit itself, unknown.
+Gains: with sections, a step of hopper takes 0.6 of the time; of this limit alone, unknown.
 Seen: 335c303.
 """
 SECTION_MAX = 800
-"""Equations of a section, those of its loops counted once.
+"""Largest number of equations of a section, with the equations of its loops counted once.
 
-Gains: Gymnasium's humanoid a fifth, against larger sections, whose compilation by LLVM is longer.
+Gains: a fifth of the time of Gymnasium's humanoid; LLVM also takes longer to compile larger ones.
 Seen: 3590b54.
 """
 SECTION_LOOP = 5000
-"""Equations up to which a `while` is one section: a divided loop copies what it carries each turn.
+"""Largest number of equations of a `while` that is one section.
+
+A loop in several sections copies the values that it carries in every iteration.
 
 Gains: unknown.
 Seen: 82e7b75.
 """
 SELECTED_ROWS = 4
-"""Rows of a concatenation that share a loop, in which each is computed for every row.
+"""Largest number of rows of a concatenation that are computed in one loop, each for every row.
 
 Gains: a cross product of 4 vectors in 32 lanes takes 28 ns with three rows in a loop, else 33.
 Seen: de5c15a.
@@ -36,31 +38,31 @@ Seen: de5c15a.
 # --- Calls and loops of a batch (`batching.primitives.calls`, `while_loop`) ---
 
 INLINED_EQUATIONS = 16
-"""Equations of a jitted function below which it becomes part of its caller.
+"""Number of equations below which a jitted function is inlined in its caller.
 
-Gains: unknown; larger ones are traced and compiled once for all calls.
+Gains: unknown. A larger function is traced and compiled once for all its calls.
 Seen: 2d5cb4a.
 """
 COMPACTION_DIVISOR = 8
-"""A batched `while` goes on with the lanes that are left when this part of them is.
+"""A batched `while` is compacted when at most this fraction (one over it) of the lanes is active.
 
 Gains: Gymnasium's humanoid takes 0.92 of the time that it takes with a quarter.
 Seen: 17990dc.
 """
 COMPACTION_MIN = 16
-"""Lanes that a compacted loop has at least: LLVM unrolls loops over so few before it vectorises.
+"""Least number of lanes of a compacted loop; LLVM unrolls shorter ones and does not vectorise them.
 
-Gains: 32 of 128 lanes take longer than 16; by how much, unknown.
+Gains: 16 of 128 lanes are faster than 32; by how much, unknown.
 Seen: 6eee407.
 """
 COMPACTION_GAIN = 4
-"""Times fewer lanes that repay moving them.
+"""Least factor by which compaction must reduce the number of lanes to repay the gather.
 
 Gains: unknown.
 Seen: 6eee407.
 """
 COMPACTION_BODY = 300
-"""Equations of a loop's body from which a second copy of the loop repays its compilation.
+"""Least number of equations of a loop's body for which a compacted copy repays its compilation.
 
 Gains: unknown.
 Seen: b407a6f.
@@ -69,32 +71,34 @@ Seen: b407a6f.
 # --- Products of small matrices (`batching.primitives.products`) ---
 
 PRODUCT_TERMS = 32
-"""Terms of a sum of products that is unrolled, where both operands have lanes.
+"""Largest number of terms of an unrolled inner product, where both operands have lanes.
 
 Gains: 256 lanes of (12,12)x(12,12) take 37 us, as `dot_general` 87; of (27,27)x(27,27) 280 and 350;
 but of (8,128)x(128,8) 7600 and 390.
 Seen: 2d5cb4a.
 """
 PRODUCT_TERMS_VECTOR = 64
-"""The same where the result has at most as many entries as an operand.
+"""As `PRODUCT_TERMS`, where the result has no more entries than one of the operands.
 
 Gains: 256 lanes of (27,27)x(27,) take 18 us, as `dot_general` 109.
 Seen: 2d5cb4a.
 """
 PRODUCT_TERMS_SHARED = 8
-"""The same where all lanes share one operand: the batch is then an axis of one matrix product.
+"""As `PRODUCT_TERMS`, where all lanes share one operand.
 
-Gains: the product is as fast from 8 terms on, and then faster.
+The batch is then an axis of one matrix product.
+
+Gains: that product is as fast with 8 terms and faster with more.
 Seen: 2d5cb4a.
 """
 PRODUCT_MULTIPLICATIONS = 32768
-"""Multiplications of one lane up to which a product is unrolled.
+"""Largest number of multiplications for each lane of a product that is unrolled.
 
 Gains: bounds the size of the program; unknown.
 Seen: 2d5cb4a.
 """
 PRODUCT_CALL = 6
-"""Multiplications of one lane from which a product is a kernel of its own.
+"""Least number of multiplications for each lane of a product that gets its own kernel.
 
 Gains: unknown.
 Seen: 03888ab.
@@ -103,38 +107,42 @@ Seen: 03888ab.
 # --- Reductions, factors and sums of cotangents of a batch ---
 
 REDUCED_ENTRIES = 8192
-"""Entries of one lane whose reduction is written out: XLA does not vectorise one of leading axes.
+"""Largest number of entries for each lane of a reduction that is unrolled.
+
+XLA does not vectorise a reduction over leading axes.
 
 Gains: unknown.
 Seen: 6488763.
 """
 REDUCED_AT_ONCE = 8
-"""Parts of an axis that one expression of such a reduction adds.
+"""Number of slices that one expression of an unrolled reduction adds.
 
 Gains: unknown.
 Seen: 02f109a.
 """
 UNROLLED_ROWS = 6
-"""Rows of a matrix whose factors and substitutions are unrolled.
+"""Largest number of rows of a matrix whose factorisation and substitutions are unrolled.
 
-Gains: unrolled, XLA's fusion computes columns again: 27 rows of 256 lanes take 2.7 to 5 ms and 10 s
-to compile, in a loop over columns .38 ms, by LAPACK .52. A loop for LU takes half of LAPACK's time.
+Gains: XLA's fusion recomputes columns of larger ones: in 256 lanes, 27 rows take 2.7 to 5 ms and
+10 s to compile; a loop over columns takes 0.38 ms, LAPACK 0.52. For LU a loop takes half of LAPACK.
 Seen: 2d5cb4a.
 """
 LOOPED_ROWS = 32
-"""Rows of a Cholesky factor by a loop over columns; larger ones are LAPACK's.
+"""Largest number of rows of a Cholesky factor by a loop over columns; above it, LAPACK is called.
 
-Gains: as above at 27 rows; where it ends, unknown.
+Gains: as for `UNROLLED_ROWS` at 27 rows; at the limit, unknown.
 Seen: 2d5cb4a.
 """
 LOOPED_ENTRIES = 1024
-"""Entries of a triangular solve's result, rows times columns, by such a loop.
+"""Largest number of entries of the result of a triangular solve by a loop over columns.
 
 Gains: one right-hand side of 27 rows in 256 lanes takes 21 us, by LAPACK 232.
 Seen: 2d5cb4a.
 """
 PADDED_REGIONS = 64
-"""Regions of a sum of padded arrays that are written one by one; beyond them, paddings are added.
+"""Largest number of regions of a sum of padded arrays that are written one by one.
+
+Above it, the padded arrays are added.
 
 Gains: bounds the size of the program; unknown.
 Seen: b0a7eb8.
@@ -143,13 +151,13 @@ Seen: b0a7eb8.
 # --- Gathers and sums over indices that are known (`arrays.indexing`) ---
 
 SLICES = 16
-"""Slices that replace a gather.
+"""Largest number of slices that replace a gather.
 
 Gains: unknown.
 Seen: dd9779f.
 """
 SUMMED_ROWS = 8
-"""Rows of a group whose sum is written out, which fuses better than a reduction.
+"""Largest number of rows of a group whose sum is unrolled, which fuses better than a reduction.
 
 Gains: unknown.
 Seen: da86ced.
@@ -158,43 +166,47 @@ Seen: da86ced.
 # --- Trees and constraints ---
 
 SCANNED_LEVELS = 8
-"""Equal levels of a tree from which they are a `scan`: the program does not grow with depth.
+"""Least number of equal consecutive levels of a tree that become a `scan`.
 
-Gains: shorter runs are faster unrolled; by how much, unknown.
+A scan keeps the size of the program independent of the depth; shorter runs are faster unrolled.
+
+Gains: unknown.
 Seen: ce969b1.
 """
 PRODUCT_NODES = 8
-"""Nodes of a deep tree up to which its sums are one product, with the square of so many additions.
+"""Largest number of nodes of a deep tree whose running sums are one product with a matrix.
 
-Gains: with rows that share a loop, hopper's program has a third less to compile.
+The product takes a number of additions that is quadratic in the nodes.
+
+Gains: with `SELECTED_ROWS`, hopper's program has a third less to compile.
 Seen: de5c15a.
 """
 ONE_HOT_PAIRS = 512
-"""Pairs of rows and links up to which a sum over links is a product and no scatter.
+"""Largest number of (row, link) pairs for which a sum over links is a product, not a scatter.
 
-Gains: a scatter goes number by number and is in no section; in time, unknown.
+Gains: a scatter runs element by element and cannot be part of a section; in time, unknown.
 Seen: 626c5cd.
 """
 DENSE_DOFS = 64
-"""Degrees of freedom up to which a dense factor is cheaper than conjugate gradients.
+"""Largest number of degrees of freedom with a dense factor; above it, conjugate gradients.
 
 Gains: unknown.
 Seen: 1c78307.
 """
 UNROLLED_EVALUATIONS = 8
-"""Evaluations of a line search that are unrolled.
+"""Largest number of evaluations of a line search that is unrolled, which avoids a loop's overhead.
 
-Gains: no cost of a loop, few operations; unknown.
+Gains: unknown.
 Seen: b322067.
 """
 COMPACTED_CONTACTS = 8
-"""Slots of contacts that an articulated solve keeps where no more push in a batch.
+"""Contact slots of the smaller solve, which is used while no environment of a batch needs more.
 
 Gains: unknown.
 Seen: 303714b.
 """
 COMPACTION_CONTACTS = 12
-"""Slots from which so few repay the compilation of a second program.
+"""Least number of contact slots for which the smaller solve repays its compilation.
 
 Gains: unknown.
 Seen: 303714b.
@@ -203,13 +215,13 @@ Seen: 303714b.
 # --- Chunks of a batch (`parallel.chunks`) ---
 
 VECTOR = 16
-"""Numbers of a processor's vector: lanes of a chunk are a multiple, as others are left over.
+"""Numbers in a vector register; lanes of a chunk are a multiple of it, to avoid a remainder loop.
 
 Gains: unknown.
 Seen: e8320ea.
 """
 CHUNK_UNROLLED = 12288, 64, 128
-"""Where XLA unrolls loops over few lanes: links in cache, and lanes of a chunk, least and most.
+"""Where XLA may unroll short loops: links that fit in the cache, least and most lanes of a chunk.
 
 Gains: unknown.
 Seen: 1619d08.

@@ -135,7 +135,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     named = (getattr(arguments, name, None) for name in ("env", "algorithm"))
     if any(":" in name for name in named if name):
-        sys.path.append("")  # last: a folder of somebody else's must not replace any module
+        sys.path.append("")  # last, so that files in the current folder cannot replace modules
     command = importlib.import_module(f"jaxsim.cli.{arguments.command}")
     try:
         if getattr(arguments, "cache", False):

@@ -13,7 +13,7 @@ from jaxsim.constraint.jacobian import row_velocity
 from jaxsim.constraint.laws import LAWS, ContactState
 from jaxsim.dynamics.motion import Motion
 
-# A distance may be wrong by so many units of rounding of positions, which are metres.
+# Bound on the rounding error of a distance, in units of rounding of positions in metres.
 _UNITS = 4
 
 

@@ -55,27 +55,27 @@ def spatial_paths(
     kinds, dtype = segments(model), kin.cdof.dtype
     lengths, wrenches = [jnp.zeros(0, dtype)], [jnp.zeros((0, 6), dtype)]
     tendons, pairs = [np.zeros(0, int)], [np.zeros((0, 2), int)]
-    for alike in kinds:
-        pull = _pulls(model, kin, alike)
-        share = _share(model, alike)
+    for group in kinds:
+        pull = _pulls(model, kin, group)
+        share = _share(model, group)
         lengths.append(share * pull.length)
-        tendons.append(alike.tendon)
-        for body, wrench in _wrenches(model, kin, alike, pull):
+        tendons.append(group.tendon)
+        for body, wrench in _wrenches(model, kin, group, pull):
             wrenches.append(share[:, None] * wrench)
-            pairs.append(np.stack([alike.tendon, model.body_link[body]], axis=1))
+            pairs.append(np.stack([group.tendon, model.body_link[body]], axis=1))
     total = sum_by(jnp.concatenate(lengths), np.concatenate(tendons), model.ntendon)
     return total, _rows(model, kin, jnp.concatenate(wrenches), np.concatenate(pairs))
 
 
-def _pulls(model: Model, kin: "Kinematics", alike: Segments) -> Pull:
+def _pulls(model: Model, kin: "Kinematics", group: Segments) -> Pull:
     """Lengths and forces of segments of one kind."""
-    ends = take(kin.site_xpos, alike.first), take(kin.site_xpos, alike.last)
-    wrap = _WRAPS.get(alike.surface)
+    ends = take(kin.site_xpos, group.first), take(kin.site_xpos, group.last)
+    wrap = _WRAPS.get(group.surface)
     if wrap is None:
         return jax.vmap(_straight)(*ends)
-    geoms = (take(x, alike.geom) for x in (kin.geom_xpos, kin.geom_xmat, model.geom_size[:, 0]))
-    sided = (alike.side >= 0).all()
-    sides = (take(kin.site_xpos, alike.side),) if sided else ()
+    geoms = (take(x, group.geom) for x in (kin.geom_xpos, kin.geom_xmat, model.geom_size[:, 0]))
+    sided = (group.side >= 0).all()
+    sides = (take(kin.site_xpos, group.side),) if sided else ()
     return jax.vmap(lambda x0, x1, *surface: _over(wrap, x0, x1, *surface))(*ends, *geoms, *sides)
 
 
@@ -94,22 +94,22 @@ def _over(wrap, x0, x1, *surface) -> Pull:
     return Pull(*(jnp.where(w.touches, a, b) for a, b in zip(wrapped, direct, strict=True)))
 
 
-def _share(model: Model, alike: Segments) -> Float[Array, "n"]:
+def _share(model: Model, group: Segments) -> Float[Array, "n"]:
     """Factor of each segment's length: one over the divisor of its pulley."""
-    if (alike.pulley < 0).all():
-        return jnp.ones(len(alike.pulley), model.wrap_prm.dtype)
+    if (group.pulley < 0).all():
+        return jnp.ones(len(group.pulley), model.wrap_prm.dtype)
     divisor = jnp.append(model.wrap_prm, 1.0)
-    return 1 / take(divisor, np.where(alike.pulley < 0, len(divisor) - 1, alike.pulley))
+    return 1 / take(divisor, np.where(group.pulley < 0, len(divisor) - 1, group.pulley))
 
 
-def _wrenches(model: Model, kin: "Kinematics", alike: Segments, pull: Pull):
+def _wrenches(model: Model, kin: "Kinematics", group: Segments, pull: Pull):
     """Yield bodies and the wrenches on them, about the reference points of their trees."""
-    first, last = model.site_bodyid[alike.first], model.site_bodyid[alike.last]
-    points = take(kin.site_xpos, alike.first), take(kin.site_xpos, alike.last)
+    first, last = model.site_bodyid[group.first], model.site_bodyid[group.last]
+    points = take(kin.site_xpos, group.first), take(kin.site_xpos, group.last)
     yield first, -_about(model, kin, first, points[0], pull.first)
     yield last, _about(model, kin, last, points[1], pull.last)
-    if alike.surface in _WRAPS:
-        body = model.geom_bodyid[alike.geom]
+    if group.surface in _WRAPS:
+        body = model.geom_bodyid[group.geom]
         come = _about(model, kin, body, pull.start, pull.first)
         yield body, come - _about(model, kin, body, pull.stop, pull.last)
 

@@ -60,7 +60,7 @@ class Disc:
         return jnp.sum(self._map(_change, r, step))
 
     def is_quadratic(self, r: Float[Array, "n d"], end: Float[Array, "n d"]) -> Bool[Array, ""]:
-        """Whether every contact sticks at both ends, and pushes at both or at neither."""
+        """Whether every contact sticks at both ends, with a normal force at both or at neither."""
         return jnp.all(self._map(_is_quadratic, r, end))
 
     def _map(self, function, *rows):

@@ -20,7 +20,7 @@ Rows = tuple[Array, ...]
 """One array per block of constraint rows."""
 
 Lifted = Any
-"""A pytree of arrays, linear in the point x that it stands for."""
+"""A pytree of arrays that is linear in the point x."""
 
 
 class LinearStatus(NamedTuple):
@@ -49,7 +49,7 @@ class Operator(Protocol):
         ...
 
     def vector(self, y: Lifted) -> Float[Array, "nv"]:
-        """The point x that y stands for."""
+        """The point x of a lifted point y."""
         ...
 
     def rows(self, y: Lifted) -> Rows:
