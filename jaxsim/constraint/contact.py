@@ -10,8 +10,9 @@ from jaxsim.collision import Contact, ContactKind
 from jaxsim.constraint.block import Block, RowType
 from jaxsim.constraint.contact_rows import ContactRows, contact_rows
 from jaxsim.constraint.jacobian import row_velocity
-from jaxsim.constraint.laws import LAWS, ContactState
+from jaxsim.constraint.laws import LAWS, ContactState, Material, contact_material
 from jaxsim.dynamics.motion import Motion
+from jaxsim.model import Model
 
 # Bound on the rounding error of a distance, in units of rounding of positions in metres.
 _UNITS = 4
@@ -63,6 +64,7 @@ def _block(motion: Motion, contact: Contact, kind: ContactKind) -> Block:
         solref=contact.solref,
         solreffriction=contact.solreffriction,
         solimp=contact.solimp,
+        material=None if model.contact == "mujoco" else _material(model, contact),
     )
     law = LAWS[model.contact]
     cost = jax.vmap(lambda c: law(model.opt, c))(state)
@@ -71,6 +73,10 @@ def _block(motion: Motion, contact: Contact, kind: ContactKind) -> Block:
 
 def _rounding(pos: Float[Array, "n 3"]) -> Float[Array, "n"]:
     return _UNITS * jnp.finfo(pos.dtype).eps * (1 + jnp.max(jnp.abs(pos), axis=1))
+
+
+def _material(model: Model, contact: Contact) -> Material:
+    return contact_material(model, contact.geom1, contact.geom2)
 
 
 def _jacobian(motion: Motion, contact: Contact, kind: ContactKind, bodies) -> ContactRows:

@@ -10,22 +10,26 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsim.arrays import tuning
 from jaxsim.collision import Contact
-from jaxsim.constraint.block import Block
+from jaxsim.constraint.block import Block, RowType
 from jaxsim.constraint.compaction import with_compacted_contacts
 from jaxsim.constraint.contact import contact_blocks, contact_forces
 from jaxsim.constraint.equality import equality_blocks
 from jaxsim.constraint.friction import friction_blocks
+from jaxsim.constraint.laws import ON_VELOCITIES, RIGID, check_law
 from jaxsim.constraint.limit import limit_blocks
-from jaxsim.constraint.noslip import without_slip
+from jaxsim.constraint.noslip import PASSES, without_slip
 from jaxsim.constraint.operators import TreeOperator, make_operator
 from jaxsim.dynamics.motion import Motion
+from jaxsim.forces.damper import damps_dofs, dof_damping_slope
 from jaxsim.model import Model, ModelError
 from jaxsim.model.dof_order import from_compound_order, to_compound_order
 from jaxsim.solver import LinearStatus, Problem, Solution, SolverStatus, attach_lifted, solve
 from jaxsim.solver.operator import Lifted, Rows
+from jaxsim.solver.passes import attach_rigid, first_shifts, rigid_tolerance, solve_rigid
 
 _CONSTRAINT_OFF = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
 _CONTACT_OFF = mujoco.mjtDisableBit.mjDSBL_CONTACT
+_EULERDAMP = mujoco.mjtDisableBit.mjDSBL_EULERDAMP
 _WARMSTART_OFF = mujoco.mjtDisableBit.mjDSBL_WARMSTART
 
 
@@ -81,8 +85,10 @@ def constrained_acceleration(
         guess is `qacc_smooth`.
     """
     model = motion.model
+    check_law(model)
     blocks = constraint_blocks(motion, contact)
     operator = make_operator(model, motion.kin, blocks, choose_strategy(model, blocks))
+    operator = _with_damping(motion, operator)
     problem = Problem(tuple(block.kind for block in blocks))
     force = to_compound_order(model, qfrc_smooth)
     if not blocks:
@@ -91,25 +97,68 @@ def constrained_acceleration(
         return _outcome(motion, contact, blocks, operator, y, (), status)
     warm = not model.opt.disabled(_WARMSTART_OFF)
     guess = to_compound_order(model, qacc_warmstart) if warm else None
-    found = _minimiser(model, operator, force)(problem, guess)
-    y = attach_lifted(found.x, problem, operator, force)
-    forces, status = problem.forces(operator.rows(y)), found.status
+    rigid = [i for i, block in enumerate(blocks) if block.type is RowType.CONTACT]
+    if model.contact in RIGID and rigid:
+        y, forces, status = _rigid(model, problem, operator, force, tuple(rigid), guess)
+    else:
+        found = _minimiser(model, operator, force)(problem, guess)
+        y = attach_lifted(found.x, problem, operator, force)
+        forces, status = problem.forces(operator.rows(y)), found.status
     if model.opt.noslip_iterations:
-        minimiser = functools.partial(_minimiser, model, operator)
+        minimiser = functools.partial(_minimiser, model, operator, tolerance=0.0)
         y, forces, found = without_slip(blocks, operator, force, y, minimiser)
         status = found.status_after(status)
     found = _outcome(motion, contact, blocks, operator, y, forces, status)
     return _with_nan_unless(found.status.finite, found)
 
 
-def _minimiser(model: Model, operator: TreeOperator, force: Float[Array, "nv"]):
-    """A function from a problem and an initial guess (or None) to its `Solution`."""
+def _rigid(model: Model, problem: Problem, operator: TreeOperator, force, rigid, guess):
+    """The solution in which some blocks have no regularisation, from the slip before the step."""
+    if guess is None:
+        guess = operator.vector(operator.unconstrained(force))
+    found = solve_rigid(
+        problem,
+        operator,
+        rigid,
+        _minimiser(model, operator, force, tolerance=0.0),
+        guess,
+        first_shifts(problem, rigid),
+        passes=PASSES,
+        tolerance=rigid_tolerance(force.dtype),
+    )
+    y, forces = attach_rigid(found, problem, operator, force, rigid)
+    return y, forces, found.whole_status()
+
+
+def _with_damping(motion: Motion, operator: TreeOperator) -> TreeOperator:
+    """With `M + h D` for M, D the damping of the joints, where contacts ask for velocities.
+
+    It is what the velocity after the step is made with, see `engine/integrators/euler.py`.
+    """
+    model = motion.model
+    explicit = model.opt.disabled(_EULERDAMP) or damps_dofs(model) is False
+    if model.contact not in ON_VELOCITIES or explicit:
+        return operator
+    damping = model.opt.timestep * dof_damping_slope(model, motion.qvel)
+    return operator.replace(armature=operator.armature + to_compound_order(model, damping))
+
+
+def _minimiser(
+    model: Model,
+    operator: TreeOperator,
+    force: Float[Array, "nv"],
+    tolerance: float | Float[Array, ""] | None = None,
+):
+    """A function from a problem and an initial guess (or None) to its `Solution`.
+
+    Passes need what rounding allows, a tolerance of zero; without one it is the model's.
+    """
     minimise = functools.partial(
         solve,
         force=force,
         iterations=model.opt.iterations,
         ls_iterations=model.opt.ls_iterations,
-        tolerance=model.opt.tolerance,
+        tolerance=model.opt.tolerance if tolerance is None else tolerance,
         ls_tolerance=model.opt.ls_tolerance,
         scale=1 / (model.stat.meaninertia * max(1, model.nv)),
     )
@@ -130,6 +179,11 @@ def constrained_at(motion: Motion, contact: Contact, qacc: Float[Array, "nv"]) -
       contact: the contacts there.
       qacc: acceleration.
     """
+    if motion.model.contact in RIGID:
+        raise ModelError(
+            f"contact={motion.model.contact!r} has no forces that are a function of the "
+            "acceleration; load the model with another contact law for its inverse dynamics"
+        )
     blocks = constraint_blocks(motion, contact)
     operator = make_operator(motion.model, motion.kin, blocks, "articulated")
     y = operator.lift(to_compound_order(motion.model, qacc))

@@ -19,6 +19,8 @@ class Status:
       residual: largest norm of the objective's gradient at a solution; derivatives are accurate
         only if it is small.
       finite: False if some numbers are not finite.
+      passes: total number of solves by which hard contacts and friction without creep were found.
+      rigid_residual: largest change of their forces by another pass, relative to the largest force.
       contact_overflow: largest number of contacts at one time that were lost for lack of slots.
     """
 
@@ -28,6 +30,8 @@ class Status:
     cg_converged: Bool[Array, ""]
     residual: Float[Array, ""]
     finite: Bool[Array, ""]
+    passes: Int[Array, ""]
+    rigid_residual: Float[Array, ""]
     contact_overflow: Int[Array, ""]
 
     @classmethod
@@ -41,14 +45,16 @@ class Status:
             cg_converged=jnp.asarray(solver.linear.converged),
             residual=solver.residual,
             finite=jnp.all(jnp.isfinite(found.qacc)),
+            passes=jnp.asarray(solver.passes),
+            rigid_residual=jnp.asarray(solver.rigid_residual, solver.residual.dtype),
             contact_overflow=found.contact.overflow.astype(jnp.int32),
         )
 
     @classmethod
     def empty(cls, dtype) -> "Status":
-        """The status before the first solve; `dtype` is the type of the residual."""
-        zero, yes = jnp.zeros((), jnp.int32), jnp.ones((), bool)
-        return cls(zero, yes, zero, yes, jnp.zeros((), dtype), yes, zero)
+        """The status before the first solve; `dtype` is the type of the residuals."""
+        zero, yes, none = jnp.zeros((), jnp.int32), jnp.ones((), bool), jnp.zeros((), dtype)
+        return cls(zero, yes, zero, yes, none, yes, zero, none, zero)
 
     def then(self, later: "Status") -> "Status":
         """The combined status of these solves and of later ones."""
@@ -59,5 +65,7 @@ class Status:
             cg_converged=self.cg_converged & later.cg_converged,
             residual=jnp.maximum(self.residual, later.residual),
             finite=self.finite & later.finite,
+            passes=self.passes + later.passes,
+            rigid_residual=jnp.maximum(self.rigid_residual, later.rigid_residual),
             contact_overflow=jnp.maximum(self.contact_overflow, later.contact_overflow),
         )

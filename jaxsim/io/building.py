@@ -17,6 +17,7 @@ from jaxsim.collision.unsupported import dropped_pairs, unsupported_pairs
 from jaxsim.io.fields import field_tables
 from jaxsim.io.frames import effective_frames
 from jaxsim.io.hulls import flat_meshes, hull_tables
+from jaxsim.io.materials import Materials, material_leaves
 from jaxsim.io.physical import impossible
 from jaxsim.io.singular import check_mass_matrix
 from jaxsim.io.supported import unsupported
@@ -33,19 +34,23 @@ _STATIC_OPTIONS = (
 _STATIC = {f.name for f in dataclasses.fields(Model) if not f.metadata.get("pytree_node", True)}
 
 
-def build(mj: mujoco.MjModel, drop_pairs: bool = False) -> Model:
+def build(
+    mj: mujoco.MjModel, drop_pairs: bool = False, materials: Materials | None = None
+) -> Model:
     """Validate and convert a compiled model.
 
     Args:
       mj: a model compiled by MuJoCo.
       drop_pairs: whether pairs of geoms without a collision function pass through each other;
         otherwise they are an error.
+      materials: of geoms, by name.
 
     Returns:
       The model, its numbers in JAX's default float type.
 
     Raises:
       ModelError: the model uses unsupported features, or its physics is impossible.
+      ValueError: a material is of no geom, or has numbers out of their range.
     """
     names = Names.from_mujoco(mj)
     pairs = candidate_pairs(mj)
@@ -75,7 +80,9 @@ def build(mj: mujoco.MjModel, drop_pairs: bool = False) -> Model:
         meshes=_mesh_digest(mj),
     )
     fields = {f.name for f in dataclasses.fields(Model)} - _STATIC - {"opt", "stat"}
-    leaves = {name: getattr(mj, name) for name in sorted(fields)} | effective_frames(mj)
+    made = material_leaves(mj, materials)
+    leaves = {name: getattr(mj, name) for name in sorted(fields - set(made))}
+    leaves |= effective_frames(mj) | made
     model = Model(
         structure=structure,
         opt=_option(mj.opt),

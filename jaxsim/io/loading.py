@@ -7,10 +7,11 @@ import pathlib
 
 import mujoco
 
-from jaxsim.constraint.laws import LAWS
+from jaxsim.constraint.laws import LAWS, check_law
 from jaxsim.constraint.operators import STRATEGIES
 from jaxsim.io import build
 from jaxsim.io.budget import contact_budget
+from jaxsim.io.materials import Materials
 from jaxsim.model import Model, ModelError
 
 _BEFORE_XML = "\ufeff \t\r\n"  # a byte order mark, or white space
@@ -24,6 +25,7 @@ def load(
     hessian: str = "auto",
     rotations: str = "lie",
     contact: str = "mujoco",
+    materials: Materials | None = None,
     unsupported_pairs: str = "error",
 ) -> Model:
     """Load a model.
@@ -42,7 +44,11 @@ def load(
         "auto" for the fastest of these.
       rotations: what RK4 averages for ball and free joints: "lie", the rates of rotation vectors,
         which is of fourth order, or "mujoco", angular velocities, which is of second order.
-      contact: contact law, a name in `jaxsim.constraint.laws.LAWS`.
+      contact: contact law, "mujoco", "sap", "lagged", "hard", or another name in
+        `jaxsim.constraint.laws.LAWS`.
+      materials: for each geom, by name, a dictionary of what contact laws other than MuJoCo's
+        know of it: "stiffness" (N/m), "relaxation" (s), "restitution". The defaults are 2e6, half a
+        time step, and 0.
       unsupported_pairs: what to do with pairs of geoms that may collide, but have no collision
         function: "error", or "drop" to let them pass through each other with a warning.
 
@@ -65,9 +71,10 @@ def load(
     if unsupported_pairs not in ("error", "drop"):
         raise ValueError(f"unsupported_pairs must be error or drop, got {unsupported_pairs!r}")
     mj = compile_mujoco(source)
-    model = build(mj, drop_pairs=unsupported_pairs == "drop")
+    model = build(mj, unsupported_pairs == "drop", materials)
     budget = contact_budget(mj, model, max_geom_pairs, max_contacts)
     model = model.replace(hessian=hessian, rotations=rotations, contact=contact)
+    check_law(model)
     return model.replace(max_geom_pairs=budget[0], max_contacts=budget[1])
 
 

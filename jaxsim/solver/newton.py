@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from flax import struct
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
@@ -39,6 +40,9 @@ class SolverStatus:
         converged: Whether a stopping condition was met. False if the iterations ran out, or if a
             line search failed although the slope promised an improvement.
         linear: Combined status of the linear solves of all steps.
+        passes: Number of passes for rigid rows, see `passes`; zero without them.
+        rigid_residual: Change of the forces of those rows by another pass, relative to the largest
+            force.
     """
 
     iterations: Int[Array, ""]
@@ -48,6 +52,8 @@ class SolverStatus:
     finite: Bool[Array, ""]
     converged: Bool[Array, ""]
     linear: LinearStatus
+    passes: Int[Array, ""] | np.int32 = np.int32(0)
+    rigid_residual: Float[Array, ""] | np.float32 = np.float32(0)
 
 
 @struct.dataclass

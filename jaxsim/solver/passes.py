@@ -69,13 +69,19 @@ class RigidSolution(NamedTuple):
     residual: Float[Array, ""]
     converged: Bool[Array, ""]
 
+    def whole_status(self) -> SolverStatus:
+        """That of the passes by themselves."""
+        return self.status.replace(
+            converged=self.converged, passes=self.passes, rigid_residual=self.residual
+        )
+
     def status_after(self, first: SolverStatus) -> SolverStatus:
         """The combined status of a first solve and of the passes after it."""
-        last = self.status
+        last = self.whole_status()
         return last.replace(
             iterations=first.iterations + last.iterations,
             finite=first.finite & last.finite,
-            converged=first.converged & self.converged,
+            converged=first.converged & last.converged,
             linear=first.linear.then(last.linear),
         )
 
@@ -98,6 +104,16 @@ def shift_of(kind: Kind, force: Array, slip: Float[Array, "n"] | None = None) ->
     """The shift for the forces and the slips (or None) of a block."""
     root, inverse = _roots(kind.D)
     return inverse * force - root * _on_normal(slip, force)
+
+
+def first_shifts(problem: Problem, rigid: Sequence[int]) -> Shifts:
+    """Those of no forces and of the slip of no acceleration."""
+    kinds = [problem.blocks[i] for i in rigid]
+    nothing = [jnp.zeros_like(kind.aref) for kind in kinds]
+    return tuple(
+        shift_of(kind, zero, _slip(kind, zero - kind.aref))
+        for kind, zero in zip(kinds, nothing, strict=True)
+    )
 
 
 def shifted(problem: Problem, rigid: Sequence[int], shifts: Shifts) -> Problem:
@@ -253,9 +269,13 @@ def _after(rows: Rows, problem: Problem, rigid: Sequence[int], shifts: Shifts) -
     after = []
     for i in rigid:
         kind = problem.blocks[i]
-        slip = kind.slip(rows[i] - kind.aref) if isinstance(kind, EllipticCone) else None
-        after.append(shift_of(kind, forces[i], slip))
+        after.append(shift_of(kind, forces[i], _slip(kind, rows[i] - kind.aref)))
     return tuple(after)
+
+
+def _slip(kind: Kind, r: Array) -> Float[Array, "n"] | None:
+    """Scaled lengths of friction residuals, of cones."""
+    return kind.slip(r) if isinstance(kind, EllipticCone) else None
 
 
 def _residual(rows: Rows, problem: Problem, rigid, shifts: Shifts, after: Shifts):

@@ -28,6 +28,8 @@ def status(**changes):
         "cg_converged": jnp.ones(3, bool),
         "residual": jnp.zeros(3),
         "finite": jnp.ones(3, bool),
+        "passes": jnp.zeros(3, int),
+        "rigid_residual": jnp.zeros(3),
         "contact_overflow": jnp.zeros(3, int),
     }
     return Status(**fields | changes)

@@ -5,6 +5,7 @@ from typing import Protocol
 from flax import struct
 from jaxtyping import Array, Float
 
+from jaxsim.constraint.laws.material import Material
 from jaxsim.model import Option
 from jaxsim.solver import Kind
 
@@ -27,6 +28,7 @@ class ContactState:
       solref: `solref` of the normal direction.
       solreffriction: `solref` of the friction directions; zeros mean that `solref` is used.
       solimp: `solimp` of all directions.
+      material: stiffness, relaxation and restitution; None for the law "mujoco".
     """
 
     dist: Float[Array, ""]
@@ -38,6 +40,7 @@ class ContactState:
     solref: Float[Array, "2"]
     solreffriction: Float[Array, "2"]
     solimp: Float[Array, "5"]
+    material: Material | None = None
 
     @property
     def condim(self) -> int:

@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import mujoco
 from jaxtyping import Array, Float
 
+from jaxsim.constraint.laws import ON_VELOCITIES
 from jaxsim.engine.instant import Instant
 from jaxsim.engine.integrators.advance import semi_implicit
 from jaxsim.engine.integrators.damped import solve_damped
@@ -23,6 +24,8 @@ def integrate(model: Model, state: State, evaluate: Evaluate) -> Step:
     """
     now = evaluate(state)
     explicit = model.opt.disabled(_EULERDAMP) or model.opt.disabled(_DAMPER)
+    # Laws on velocities have the damping in their problem already.
+    explicit = explicit or model.contact in ON_VELOCITIES
     if not model.nv or explicit or damps_dofs(model) is False:
         return semi_implicit(model, state, now, now.qacc)
     damping = Damping(dof_damping_slope(model, state.qvel), None, None)

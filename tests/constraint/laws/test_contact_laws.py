@@ -38,5 +38,5 @@ def test_a_toy_law_is_one_function_and_one_line(monkeypatch, x64):
 
 
 def test_an_unknown_law_is_refused_with_the_known_ones():
-    with pytest.raises(ValueError, match="contact must be one of mujoco, got 'hard'"):
-        jaxsim.load(BALL, contact="hard")
+    with pytest.raises(ValueError, match="contact must be one of mujoco, sap, .*got 'elastic'"):
+        jaxsim.load(BALL, contact="elastic")
