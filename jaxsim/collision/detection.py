@@ -30,7 +30,8 @@ from jaxsim.collision.table import HFIELD, MESH, PAIRS
 
 # Lower bounds are computed for all combinations of the first and second geoms if these are at most
 # this factor times the candidates. This reads the data of each geom once, without gathers for
-# pairs. TABLE = 4
+# pairs.
+TABLE = 4
 
 
 @dataclasses.dataclass
