@@ -2,10 +2,10 @@
 
 Correctness first: errors against MuJoCo C with the lanes last and first, of a gradient against
 float64 on the CPU. Then steps per second of each engine that is installed (jaxsim in both layouts,
-with loops in command buffers, as it compiles them, and without; MJX; mujoco_warp with graph capture), of a gradient, and
-of training. Each row is a process of its own, so that one that fails stops no other; its lines
-come as they are known. All programs are compiled first, many at a time, into a cache; then each row
-has the device for itself. Rows for which no time is left say so.
+with loops in command buffers, as it compiles them, and without; MJX; mujoco_warp with graph
+capture), of a gradient, and of training. Each row is a process of its own, so that one that fails
+stops no other; its lines come as they are known. All programs are compiled first, many at a time,
+into a cache; then each row has the device for itself. Rows for which no time is left say so.
 
 examples:
   python benchmarks/gpu.py                    eight minutes on a GPU
