@@ -20,6 +20,7 @@ examples:
   jaxsim envs                                   tasks to train on
   jaxsim simulate humanoid                      1024 humanoids, 1000 steps each
   jaxsim simulate my_robot.xml --ctrl zero      a file of yours, MJCF or URDF
+  jaxsim inspect my_robot.xml                   what it has, what is refused, what it costs
   jaxsim train inverted_pendulum                a policy in less than a minute
   jaxsim play runs/...                          what it has learnt
   jaxsim view humanoid                          live in the browser, to push and pull
@@ -44,6 +45,24 @@ exit status:
   0  all environments stayed finite
   1  some environment diverged to NaN or infinity; the report says what to do
   2  the command was not understood, or the model could not be loaded
+"""
+
+_INSPECT = """\
+Say what a model has, what jaxsim refuses and why, and what it costs: pairs of geoms that may
+touch, slots for contacts, memory; with --speed also compilation and steps per second beside
+MuJoCo C.
+"""
+
+_INSPECT_EXAMPLES = """\
+examples:
+  jaxsim inspect humanoid
+  jaxsim inspect my_robot.urdf --speed
+  jaxsim inspect my_robot.xml --drop-pairs
+
+exit status:
+  0  the model loads
+  1  it is refused; every reason is listed
+  2  the command was not understood, or the file is no model
 """
 
 _VIEW = """\
@@ -159,6 +178,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"jaxsim {jaxsim.__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND")
+    _add_inspect(commands)
     _add_simulate(commands)
     _add_train(commands)
     _add_play(commands)
@@ -269,6 +289,15 @@ def _add_simulate(commands) -> None:
     option("--keyframe", metavar="NAME", help="start at this keyframe instead of qpos0")
     option("--timestep", type=_positive(float), metavar="SECONDS", help="instead of the model's")
     _add_cache(simulate)
+
+
+def _add_inspect(commands) -> None:
+    inspect = _add(commands, "inspect", "what a model has and costs", _INSPECT, _INSPECT_EXAMPLES)
+    option = inspect.add_argument
+    option("model", metavar="MODEL", help="a .xml or .urdf file, or the name of a bundled model")
+    option("--drop-pairs", action="store_true", help="let unsupported pairs of geoms not collide")
+    option("--speed", action="store_true", help="compile and time a batch, and MuJoCo C")
+    option("--envs", type=_positive(int), default=1024, help="environments of that batch (1024)")
 
 
 def _add_bench(commands) -> None:

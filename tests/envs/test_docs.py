@@ -11,6 +11,7 @@ import jax
 import pytest
 
 import jaxsim.envs
+from jaxsim.cli import main
 from jaxsim.envs.bridges import spaces
 from jaxsim.envs.bridges.documented import documented
 from jaxsim.envs.registry import entries
@@ -62,6 +63,17 @@ def test_everything_is_told(name):
     assert differences.strip()
     assert brax.strip()
     assert [o.name for o in page.options if not o.meaning] == []
+
+
+@pytest.mark.slow
+def test_the_robot_of_ones_own_steps(tmp_path):
+    """The file of the page, inspected, completed and simulated as the page says."""
+    text = (DOCS / "your_robot.md").read_text("utf-8")
+    (tmp_path / "arm.urdf").write_text(re.search(r"```xml\n(.*?)```", text, re.DOTALL)[1])
+    assert main(["inspect", str(tmp_path / "arm.urdf")]) == 0
+    command = [sys.executable, "-c", "\n".join(blocks("your_robot"))]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stderr[-2000:]
 
 
 def blocks(page: str) -> list[str]:
