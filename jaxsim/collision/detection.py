@@ -13,6 +13,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import mujoco
 import numpy as np
 from jax import lax
 from jaxtyping import Array, Float, Int
@@ -23,7 +24,7 @@ from jaxsim.collision.candidates import Candidates, PairGroup
 from jaxsim.collision.contact import Contact
 from jaxsim.collision.fields import Fields
 from jaxsim.collision.hulls import Hulls
-from jaxsim.collision.parameters import contact_margin, contact_parameters
+from jaxsim.collision.parameters import contact_margin, contact_parameters, contact_reach
 from jaxsim.collision.selection import within_reach
 from jaxsim.collision.shapes import Contacts, Shape
 from jaxsim.collision.table import HFIELD, MESH, PAIRS
@@ -93,7 +94,7 @@ def _evaluate(
     ids, lost = (group.geom1, group.geom2, group.pair), 0
     if count < len(group):
         # The selection of pairs has no derivative.
-        excess = lax.stop_gradient(_distance_bounds(group, shapes) - contact_margin(model, *ids))
+        excess = lax.stop_gradient(_distance_bounds(group, shapes) - _reach(model, *ids))
         chosen, lost = within_reach(excess, count)
         ids = tuple(_take_ids(i, chosen) for i in ids)
     entry = PAIRS[group.types]
@@ -109,6 +110,12 @@ def _evaluate(
 
     geometry = jax.tree.map(of_slots, (contacts, frame))
     return _Slots(*geometry, *(i.repeat(entry.max_contacts) for i in ids)), lost
+
+
+def _reach(model: Any, *ids: Index) -> Float[Array, "n"]:
+    """Distance below which a contact has a use; adhesion acts in the gap, too."""
+    adhesive = (model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_BODY)).any()
+    return (contact_reach if adhesive else contact_margin)(model, *ids)
 
 
 def pair_contacts(
@@ -162,7 +169,7 @@ def _deepest(model: Any, slots: _Slots, count: int) -> tuple[_Slots, Int[Array, 
     dist = slots.contacts.dist
     if len(dist) <= count:
         return slots, 0
-    margin = contact_margin(model, slots.geom1, slots.geom2, slots.pair)
+    margin = _reach(model, slots.geom1, slots.geom2, slots.pair)
     chosen, lost = within_reach(lax.stop_gradient(dist - margin.astype(dist.dtype)), count)
     contacts = jax.tree.map(lambda x: x[chosen], slots.contacts)
     ids = (_take_ids(getattr(slots, name), chosen) for name in _IDS)

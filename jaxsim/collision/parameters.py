@@ -81,6 +81,13 @@ def contact_margin(model: Any, geom1: Index, geom2: Index, pair: Index) -> Float
     return _choose(model, pair, model.pair_margin, margin)
 
 
+def contact_reach(model: Any, geom1: Index, geom2: Index, pair: Index) -> Float[Array, "n"]:
+    """Distance below which MuJoCo lists contacts: margin and gap together."""
+    gap = gather(model.geom_gap, geom1) + gather(model.geom_gap, geom2)
+    gap = _choose(model, pair, model.pair_gap, gap)
+    return contact_margin(model, geom1, geom2, pair) + gap
+
+
 def mix(
     first: Surface, second: Surface
 ) -> tuple[Float[Array, "3"], Float[Array, "2"], Float[Array, "5"]]:

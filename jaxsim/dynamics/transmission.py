@@ -23,6 +23,7 @@ JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
 JOINTINPARENT = int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)
 TENDON = int(mujoco.mjtTrn.mjTRN_TENDON)
 SITE = int(mujoco.mjtTrn.mjTRN_SITE)
+BODY = int(mujoco.mjtTrn.mjTRN_BODY)
 
 
 @struct.dataclass
@@ -137,6 +138,8 @@ def _one(model: Model, kin: Kinematics, qpos, i: int):
     """Length and moment of one actuator of a site or of a joint with several degrees of freedom."""
     kind, gear = int(model.actuator_trntype[i]), model.actuator_gear[i]
     target, reference = (int(k) for k in model.actuator_trnid[i])
+    if kind == BODY:  # what its contacts give it is added in `forces`
+        return jnp.zeros_like(gear[0]), jnp.zeros(model.nv, gear.dtype)
     if kind == SITE and reference < 0:
         return jnp.zeros_like(gear[0]), _site_row(model, kin, gear, target, kin.site_xmat[target])
     if kind == SITE:

@@ -90,22 +90,26 @@ def evaluate(model: Model, state: State, ctrl: Float[Array, "nu"] | None) -> Ins
     motion = motion_of(model, state)
     kin, vel = motion.kin, motion.vel
     inertial = link_forces(model, kin, vel, link_accelerations(model, kin, vel))
-    passive, actuators = forces(motion, state, ctrl)
+    touching = contacts(motion)
+    passive, actuators = forces(motion, state, ctrl, touching)
     # One sum over the tree for both the applied and the inertial wrenches.
     on_links = generalized_force(model, kin, applied_wrench(motion, state) - inertial)
     total = passive.qfrc_passive + actuators.qfrc_actuator + state.qfrc_applied + on_links
-    found = constrained_acceleration(motion, contacts(motion), total, state.qacc_warmstart)
+    found = constrained_acceleration(motion, touching, total, state.qacc_warmstart)
     return Instant(motion, passive, actuators, inertial, total, found)
 
 
 def forces(
-    motion: Motion, state: State, ctrl: Float[Array, "nu"] | None
+    motion: Motion,
+    state: State,
+    ctrl: Float[Array, "nu"] | None,
+    contact: Contact | None = None,
 ) -> tuple[PassiveForces, Actuation]:
     """Passive forces and the state of the actuators."""
     model, kin = motion.model, motion.kin
     passive = passive_forces(model, kin, motion.vel, state.qpos, state.qvel)
     actuators = actuation(
-        model, kin, state.qpos, state.qvel, state.act, ctrl, passive.qfrc_gravcomp
+        model, kin, state.qpos, state.qvel, state.act, ctrl, passive.qfrc_gravcomp, contact
     )
     return passive, actuators
 

@@ -13,6 +13,7 @@ from jaxtyping import Array, Float
 
 from jaxsim.arrays.indexing import sum_by, take
 from jaxsim.arrays.kinds import apply_by_kind
+from jaxsim.collision import Contact
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.transmission import (
     TENDON,
@@ -22,6 +23,7 @@ from jaxsim.dynamics.transmission import (
     transmission,
 )
 from jaxsim.forces.activation import activation_rate, next_activation, stateful_actuators
+from jaxsim.forces.adhesion import with_adhesion
 from jaxsim.forces.muscle import muscle_bias, muscle_gain
 from jaxsim.forces.servo import wrap_setpoint
 from jaxsim.model import Model
@@ -64,6 +66,7 @@ def actuation(
     act: Float[Array, "na"],
     ctrl: Float[Array, "nu"] | None,
     qfrc_gravcomp: Float[Array, "nv"],
+    contact: Contact | None = None,
 ) -> Actuation:
     """Forces of all actuators and rates of their activations; zero if actuation is disabled.
 
@@ -75,8 +78,10 @@ def actuation(
       act: activations.
       ctrl: controls; None for zero.
       qfrc_gravcomp: gravity compensation; actuators exert it on joints with `actgravcomp`.
+      contact: the contacts, which actuators of bodies act through.
     """
     t = transmission(model, kin, qpos)
+    t = t if contact is None else with_adhesion(model, kin, t, contact)
     zeros = jnp.zeros_like(t.length)
     if not model.nu or model.opt.disabled(_ACTUATION):
         return Actuation(t, zeros, zeros, zeros, jnp.zeros_like(qvel), jnp.zeros_like(act))

@@ -43,7 +43,7 @@ _CHOICES = (
     _Choice("jnt_type", "joint", "type", "mjtJoint", "FREE BALL SLIDE HINGE"),
     _Choice(
         *("actuator_trntype", "actuator", "transmission", "mjtTrn"),
-        "JOINT JOINTINPARENT TENDON SITE",
+        "JOINT JOINTINPARENT TENDON SITE BODY",
     ),
     _Choice(
         *("actuator_dyntype", "actuator", "dyntype", "mjtDyn"),

@@ -42,9 +42,6 @@ ELEMENTS = {
     FIXED.format("") + '<actuator><motor name="m" tendon="cable" armature="1"/></actuator>': (
         "actuator 'm': armature of a tendon's actuator .* joints"
     ),
-    '<actuator><adhesion name="m" body="link" ctrlrange="0 1"/></actuator>': (
-        "actuator 'm': transmission 'body' .* joint, jointinparent, tendon, site"
-    ),
     """<actuator><general name="m" cranksite="tip" slidersite="anchor" cranklength="1"/>
        </actuator>""": "actuator 'm': transmission 'cranksite' .* joint, jointinparent",
     '<actuator><general name="m" joint="hinge" dyntype="user" actdim="1"/></actuator>': (

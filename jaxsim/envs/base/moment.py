@@ -118,7 +118,7 @@ class Moment:
     @property
     def qfrc_actuator(self) -> Float[Array, "nv"]:
         """Generalised forces of the actuators."""
-        return forces(self.motion, self.last, self.ctrl)[1].qfrc_actuator
+        return forces(self.motion, self.last, self.ctrl, contacts(self.motion))[1].qfrc_actuator
 
     @property
     def qfrc_constraint(self) -> Float[Array, "nv"]:

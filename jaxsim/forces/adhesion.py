@@ -1,0 +1,54 @@
+"""Adhesion: actuators of bodies that pull them to whatever they touch."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxsim.arrays.indexing import gather, take
+from jaxsim.collision import Contact
+from jaxsim.collision.parameters import contact_reach
+from jaxsim.dynamics.kinematics import Kinematics
+from jaxsim.dynamics.rnea import generalized_force, wrench_on_links
+from jaxsim.dynamics.transmission import BODY, Transmission, scalar_actuators
+from jaxsim.forces.external import contact_wrench
+from jaxsim.model import Model
+
+
+def adhesive_bodies(model: Model) -> np.ndarray:
+    """Actuators whose transmission is a body; static."""
+    return np.flatnonzero(model.actuator_trntype == BODY)
+
+
+def with_adhesion(model: Model, kin: Kinematics, t: Transmission, contact: Contact) -> Transmission:
+    """The transmission with the moments of bodies: minus the mean of their contacts' normals.
+
+    A contact counts from where MuJoCo lists it, closer than margin and gap together.
+
+    Args:
+      model: the model.
+      kin: its kinematics.
+      t: the transmission, with zero moments for bodies.
+      contact: the contacts.
+    """
+    ids = adhesive_bodies(model)
+    if not len(ids):
+        return t
+    _, other = scalar_actuators(model)
+    bodies = jnp.asarray(model.actuator_trnid[ids, 0])
+    rows = jax.vmap(lambda body: _moment(model, kin, contact, body))(bodies)
+    gear = take(model.actuator_gear[:, 0], ids)
+    return t.replace(rows=t.rows.at[np.searchsorted(other, ids)].set(gear[:, None] * rows))
+
+
+def _moment(model: Model, kin: Kinematics, contact: Contact, body) -> Float[Array, "nv"]:
+    """Generalised force of a unit force of adhesion, shared by the contacts of a body."""
+    pair = contact.geom1, contact.geom2, contact.pair
+    bodies = (jnp.asarray(gather(model.geom_bodyid, geom)) for geom in pair[:2])
+    counted = (contact.dist < contact_reach(model, *pair)) & sum(b == body for b in bodies).astype(
+        bool
+    )
+    share = counted / jnp.maximum(counted.sum(), 1)
+    force = jnp.zeros((len(share), 6), contact.dist.dtype).at[:, 0].set(-share)
+    wrench = contact_wrench(model, kin, contact, force)
+    return generalized_force(model, kin, wrench_on_links(model, kin, wrench, kin.xipos))
