@@ -24,6 +24,7 @@ examples:
   jaxsim train inverted_pendulum                a policy in less than a minute
   jaxsim play runs/...                          what it has learnt
   jaxsim view humanoid                          live in the browser, to push and pull
+  jaxsim optimize cartpole                      plan a swing-up, and film it
   jaxsim bench throughput --models humanoid     speed beside MuJoCo C
 """
 
@@ -123,12 +124,30 @@ examples:
   jaxsim play runs/ant-3 --episodes 1000 --no-video
 """
 
+_OPTIMIZE = """\
+Plan a motion by trajectory optimisation from small random controls, report, and film it. Without a
+task, list the tasks.
+"""
+
+_OPTIMIZE_EXAMPLES = """\
+examples:
+  jaxsim optimize
+  jaxsim optimize cartpole
+  jaxsim optimize push --seed 3 --out push.gif
+
+exit status:
+  0  the motion reaches its goal
+  1  it does not; the report says how far it is from it
+  2  the command was not understood
+"""
+
 _BENCH = """\
 Run a benchmark of a clone of the repository; `jaxsim bench NAME --help` lists its options.
 
   throughput    steps per second of whole batches, beside MuJoCo C and MJX
   scaling       the same against the size of the batch and the number of cores
   gradients     cost, memory and accuracy of reverse mode through many steps
+  trajopt       methods of trajectory optimisation side by side
   stages        the share of each stage in a step
   solver        the constraint problem by itself
   dynamics      the recursions by themselves
@@ -183,6 +202,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_train(commands)
     _add_play(commands)
     _add_view(commands)
+    _add_optimize(commands)
     _add_bench(commands)
     _add(commands, "models", "list the bundled models", "List the bundled models.")
     _add(commands, "envs", "list the environments", "List the environments.")
@@ -250,6 +270,17 @@ def _add_view(commands) -> None:
     _add_cache(view)
 
 
+def _add_optimize(commands) -> None:
+    optimize = _add(commands, "optimize", "plan a motion", _OPTIMIZE, _OPTIMIZE_EXAMPLES)
+    optimize.add_argument("task", metavar="TASK", nargs="?", help="what to plan; lists all if none")
+    optimize.add_argument("--seed", type=int, default=0, help="seed of the first controls (0)")
+    optimize.add_argument(
+        "--out", type=pathlib.Path, metavar="FILE", help=".mp4 or .gif to write (TASK.mp4)"
+    )
+    _add_video(optimize)
+    _add_cache(optimize)
+
+
 def _add_cache(parser) -> None:
     parser.add_argument(
         "--no-cache",
@@ -302,8 +333,8 @@ def _add_inspect(commands) -> None:
 
 def _add_bench(commands) -> None:
     bench = _add(commands, "bench", "run a benchmark", _BENCH)
-    names = "throughput scaling gradients stages solver dynamics training gpu_programs gpu".split()
-    bench.add_argument("benchmark", choices=names, help="which one")
+    names = "throughput scaling gradients trajopt stages solver dynamics training gpu_programs gpu"
+    bench.add_argument("benchmark", choices=names.split(), help="which one")
     bench.add_argument("options", nargs=argparse.REMAINDER, help="passed on to it")
 
 
