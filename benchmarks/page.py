@@ -206,6 +206,25 @@ SECTIONS = (
         ),
     ),
     Section(
+        "trajopt",
+        "Trajectory optimisation",
+        "Swing-ups from the same small random controls. To 10 %: iterations until the cost is "
+        "within 10 per cent of the best that any method finds, and the simulated steps and the "
+        "seconds, compilation included, that this takes; iLQR simulates ten step lengths and a "
+        "derivative, a gradient one rollout, a sampler 64. Miss: tilt at the end (rad).",
+        plain(
+            "task",
+            "method",
+            "compile s",
+            "iterations",
+            "last cost",
+            "miss",
+            "to 10 %",
+            "in steps",
+            "in s",
+        ),
+    ),
+    Section(
         "coverage",
         "What loads",
         "Every XML file below some folders that MuJoCo compiles and that has degrees of freedom. "

@@ -52,7 +52,7 @@ def solve(
 
     Args:
       problem: what to optimise.
-      method: how: `ILQR`, `MultipleShooting`, `Shooting`, `PredictiveSampling`, `MPPI`, `CEM`.
+      method: how: `ILQR`, `Shooting`, `PredictiveSampling`, `MPPI`, `CEM`.
       ctrls: first guess; small random controls by default.
       key: of the default guess, and of methods that draw samples.
       progress: write a line with the cost after each iteration to standard error.

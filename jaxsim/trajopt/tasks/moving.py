@@ -1,4 +1,4 @@
-"""Robots that reach, jump and run."""
+"""Robots that reach and jump."""
 
 import jax.numpy as jnp
 
@@ -11,7 +11,6 @@ from jaxsim.trajopt.tasks.task import Task, square
 
 TARGET = (0.3, -0.45, 0.5)  # of the hand (m)
 HEIGHT = 1.6  # of the hopper's torso (m); 1.25 when it stands
-DISTANCE = 3.0  # of the cheetah's run (m)
 
 
 def reach() -> Problem:
@@ -53,18 +52,6 @@ def jump() -> Problem:
     )
 
 
-def run() -> Problem:
-    """Two seconds for a half cheetah to be three metres farther."""
-    model = load("half_cheetah")
-    return make_problem(
-        model,
-        horizon=50,
-        running_cost=lambda x, u, t: 0.01 * square(u) + 0.1 * x.qpos[2] ** 2,
-        final_cost=lambda x: 10 * (x.qpos[0] - DISTANCE) ** 2,
-        frame_skip=4,
-    )
-
-
 TASKS = {
     "reach": Task(
         "an arm brings its hand to a point", reach, ILQR(iterations=40), _hand_miss, 0.02
@@ -75,12 +62,5 @@ TASKS = {
         ILQR(),
         lambda model, x: jnp.abs(x.qpos[1] - HEIGHT),
         0.05,
-    ),
-    "run": Task(
-        "a half cheetah runs three metres",
-        run,
-        ILQR(),
-        lambda model, x: jnp.abs(x.qpos[0] - DISTANCE),
-        0.1,
     ),
 }
