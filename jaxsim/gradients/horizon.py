@@ -13,32 +13,43 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 
-@jax.custom_vjp
 def clip_cotangent(x: Any, limit: float | Float[Array, ""]) -> Any:
     """Return x; in reverse mode, its cotangent is scaled down to at most this norm.
 
-    A cotangent that is not finite becomes zero. Apply it to the state in the body of a loop.
+    The cotangent g becomes `g min(1, limit / |g|)`, or zero if it is not finite. Apply it to the
+    state in the body of a loop.
 
     Args:
-      x: a pytree of arrays.
-      limit: largest norm of all its cotangents together.
+      x: a pytree of arrays; |g| is the norm over all those of floating point together.
+      limit: largest norm that passes.
     """
-    return x
+    leaves, structure = jax.tree.flatten(x)
+    smooth = [jnp.issubdtype(jnp.result_type(a), jnp.floating) for a in leaves]
+    clipped = iter(_clipped([a for a, s in zip(leaves, smooth, strict=True) if s], limit))
+    return structure.unflatten(
+        [next(clipped) if s else a for a, s in zip(leaves, smooth, strict=True)]
+    )
 
 
-def _clip_forward(x, limit):
-    return x, limit
+@jax.custom_vjp
+def _clipped(leaves, limit):
+    return leaves
 
 
-def _clip_backward(limit, cotangent):
-    norm = tree_norm(cotangent)
-    finite = jnp.isfinite(norm)
-    scale = jnp.where(finite, jnp.minimum(1.0, limit / jnp.where(norm > 0, norm, 1.0)), 0.0)
-    clipped = jax.tree.map(lambda c: jnp.where(finite, scale * c, 0.0).astype(c.dtype), cotangent)
-    return clipped, jnp.zeros_like(jnp.asarray(limit, norm.dtype))
+def _clip_forward(leaves, limit):
+    return leaves, limit
 
 
-clip_cotangent.defvjp(_clip_forward, _clip_backward)
+def _clip_backward(limit, cotangents):
+    square = sum((jnp.sum(jnp.square(c)) for c in cotangents), start=jnp.zeros(()))
+    # An overflow of the square is treated like NaN.
+    factor = jnp.minimum(1, limit * lax.rsqrt(jnp.maximum(square, 1e-30)))
+    finite = jnp.isfinite(square)
+    clipped = [jnp.where(finite, factor.astype(c.dtype) * c, 0) for c in cotangents]
+    return clipped, jnp.zeros_like(jnp.asarray(limit))
+
+
+_clipped.defvjp(_clip_forward, _clip_backward)
 
 
 def truncate(x: Any, cut: Bool[Array, ""] | bool) -> Any:

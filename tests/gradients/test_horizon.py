@@ -3,9 +3,11 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from jax import lax
 from oracle import quick_jit
 
+import jaxsim
 from jaxsim.gradients import clip_cotangent, gradient_norms, truncate, usable_horizon
 
 
@@ -46,3 +48,43 @@ def test_windows_and_clipping(x64):
     np.testing.assert_allclose(gradient(x, 10.0), 20 * np.array([0.6, 0.8]))
     bad = jax.grad(lambda x: jnp.sqrt(jnp.sum(clip_cotangent(x, 1.0) ** 2)))
     np.testing.assert_array_equal(bad(jnp.zeros(2)), 0)
+
+
+NO_LIMIT = 1e18
+
+
+def gradient_through(scale, limit):
+    """Gradient of `scale . x` behind a limit, for a tree with an integer in it."""
+
+    def f(x):
+        tree = clip_cotangent({"x": x, "n": jnp.arange(3)}, limit)
+        return scale @ tree["x"] + tree["n"].sum()
+
+    return jax.grad(f)(jnp.zeros(2))
+
+
+def test_clipping_is_the_identity():
+    tree = {"x": jnp.array([1.0, -2.0]), "n": jnp.arange(3)}
+    assert jax.tree.all(jax.tree.map(lambda a, b: (a == b).all(), clip_cotangent(tree, 1.0), tree))
+
+
+@pytest.mark.parametrize(
+    ("scale", "expected"),
+    [
+        ([3.0, 4.0], [0.6, 0.8]),
+        ([0.3, 0.4], [0.3, 0.4]),
+        ([0.0, 0.0], [0.0, 0.0]),
+        ([np.nan, 1.0], [0.0, 0.0]),
+        ([np.inf, 1.0], [0.0, 0.0]),
+    ],
+)
+def test_gradients_are_scaled_down_to_the_limit(scale, expected):
+    got = gradient_through(jnp.array(scale), 1.0)
+    np.testing.assert_allclose(got, jnp.array(expected), rtol=1e-6)
+
+
+def test_one_environment_that_breaks_does_not_poison_the_others():
+    """The derivative of sqrt at zero is infinite, times zero a NaN."""
+    one = lambda x: 0 * jnp.sqrt(clip_cotangent(x, NO_LIMIT)) + clip_cotangent(x, NO_LIMIT) ** 2  # noqa: E731
+    got = jax.grad(lambda x: jaxsim.vmap(one)(x).sum())(jnp.array([3.0, 0.0, 5.0]))
+    np.testing.assert_allclose(got, [6.0, 0.0, 10.0])

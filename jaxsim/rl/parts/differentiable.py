@@ -1,6 +1,5 @@
 """Environments for reverse mode, with bounded memory and bounded gradients."""
 
-import functools
 from typing import Any
 
 import jax
@@ -10,6 +9,7 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsim.arrays.checkpoint import checkpoint
 from jaxsim.envs import EnvState, TimeLimit, Wrapper, extended
+from jaxsim.gradients import clip_cotangent
 from jaxsim.rl.parts.collect import Actors
 
 # Gradients with larger entries count as overflow.
@@ -34,43 +34,8 @@ class Differentiable(Wrapper):
 
     def step(self, state: EnvState, action: Float[Array, "nu"]) -> EnvState:
         """Act for one step."""
-        state, action = limit_gradient((state, action), self.limit)
+        state, action = clip_cotangent((state, action), self.limit)
         return checkpoint(self.env.step)(state, action)
-
-
-def limit_gradient(tree, limit: float = NO_LIMIT):
-    """The identity, whose cotangent g becomes `g min(1, limit / |g|)`, or zero if not finite.
-
-    Args:
-      tree: arrays of any types; |g| is the norm over all those of floating point together.
-      limit: greatest norm that passes.
-    """
-    leaves, structure = jax.tree.flatten(tree)
-    smooth = [jnp.issubdtype(x.dtype, jnp.floating) for x in leaves]
-    limited = iter(_limited(limit, [x for x, s in zip(leaves, smooth, strict=True) if s]))
-    return structure.unflatten(
-        [next(limited) if s else x for x, s in zip(leaves, smooth, strict=True)]
-    )
-
-
-@functools.partial(jax.custom_vjp, nondiff_argnums=(0,))
-def _limited(limit: float, leaves):
-    return leaves
-
-
-def _forward(limit: float, leaves):
-    return leaves, None
-
-
-def _backward(limit: float, _, cotangents):
-    square = sum((jnp.sum(jnp.square(c)) for c in cotangents), start=jnp.zeros(()))
-    # An overflow of the square is treated like NaN.
-    factor = jnp.minimum(1, limit * jax.lax.rsqrt(jnp.maximum(square, 1e-30)))
-    finite = jnp.isfinite(square)
-    return ([jnp.where(finite, factor.astype(c.dtype) * c, 0) for c in cotangents],)
-
-
-_limited.defvjp(_forward, _backward)
 
 
 def cut_episodes(env: Any, steps: int | None) -> Any:
