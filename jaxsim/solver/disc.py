@@ -11,17 +11,17 @@ so that the force is the point of the ellipse `|f / friction| <= n` closest to `
 For `D -> infinity` this is `n T`, dry friction without creep.
 """
 
-import jax
 import jax.numpy as jnp
 from flax import struct
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from jaxsim.arrays.norms import norm_and_divisor
+from jaxsim.solver.contact_cost import ContactCost, OneContact
 from jaxsim.solver.unilateral import change_of_square
 
 
 @struct.dataclass
-class Disc:
+class Disc(ContactCost):
     """Cost of n contacts of the same dimension d in {3, 4, 6}.
 
     Attributes:
@@ -36,35 +36,8 @@ class Disc:
     friction: Float[Array, "n d-1"]
     normal: Float[Array, "n"]
 
-    def cost(self, r: Float[Array, "n d"]) -> Float[Array, ""]:
-        """Total cost of the contacts at the residual r."""
-        return jnp.sum(self._map(_cost, r))
-
-    def force(self, r: Float[Array, "n d"]) -> Float[Array, "n d"]:
-        """Force `-ds/dr` of every contact, friction inside its disc."""
-        return self._map(_force, r)
-
-    def curvature(self, r: Float[Array, "n d"]) -> Float[Array, "n d d"]:
-        """Hessian of the cost of every contact, positive semidefinite."""
-        return self._map(_curvature, r)
-
-    def slopes(
-        self, r: Float[Array, "n d"], v: Float[Array, "n d"]
-    ) -> tuple[Float[Array, ""], Float[Array, ""]]:
-        """First and second derivative of the cost at r along v."""
-        first, second = self._map(_slopes, r, v)
-        return jnp.sum(first), jnp.sum(second)
-
-    def change(self, r: Float[Array, "n d"], step: Float[Array, "n d"]) -> Float[Array, ""]:
-        """`cost(r + step) - cost(r)` without the cancellation of that difference."""
-        return jnp.sum(self._map(_change, r, step))
-
-    def is_quadratic(self, r: Float[Array, "n d"], end: Float[Array, "n d"]) -> Bool[Array, ""]:
-        """Whether every contact sticks at both ends, with a normal force at both or at neither."""
-        return jnp.all(self._map(_is_quadratic, r, end))
-
-    def _map(self, function, *rows):
-        return jax.vmap(function)(self.D, self.friction, self.normal, *rows)
+    def _one_contact(self):
+        return _ONE_CONTACT, (self.D, self.friction, self.normal)
 
 
 def _stiffness(D, friction):
@@ -135,8 +108,12 @@ def _change(D, friction, normal, r, step):
 
 
 def _is_quadratic(D, friction, normal, r, end):
+    """Whether it sticks at both ends, with a normal force at both or at neither."""
     k = _stiffness(D, friction)
     lengths = (norm_and_divisor(friction * x[1:])[0] for x in (r, end))
     sticks = [_clipped(k, normal, length)[1] for length in lengths]
     slips = (k > 0) & (normal > 0) & ~(sticks[0] & sticks[1])
     return ~slips & ((D[0] <= 0) | ((r[0] < 0) == (end[0] < 0)))
+
+
+_ONE_CONTACT = OneContact(_cost, _force, _curvature, _slopes, _change, _is_quadratic)

@@ -22,10 +22,11 @@ from flax import struct
 from jaxtyping import Array, Bool, Float
 
 from jaxsim.arrays.norms import norm_and_divisor
+from jaxsim.solver.contact_cost import ContactCost, OneContact
 
 
 @struct.dataclass
-class EllipticCone:
+class EllipticCone(ContactCost):
     """Cost of n contacts of the same dimension d in {3, 4, 6}.
 
     Attributes:
@@ -40,42 +41,12 @@ class EllipticCone:
     mu: Float[Array, "n"]
     friction: Float[Array, "n d-1"]
 
-    def cost(self, r: Float[Array, "n d"]) -> Float[Array, ""]:
-        """Total cost of the contacts at the residual r."""
-        return jnp.sum(self._map(_cost, r))
-
-    def force(self, r: Float[Array, "n d"]) -> Float[Array, "n d"]:
-        """Force `-ds/dr` of every contact, inside its friction cone."""
-        return self._map(_force, r)
-
-    def curvature(self, r: Float[Array, "n d"]) -> Float[Array, "n d d"]:
-        """Hessian of the cost of every contact, positive semidefinite."""
-        return self._map(_curvature, r)
-
-    def slopes(
-        self, r: Float[Array, "n d"], v: Float[Array, "n d"]
-    ) -> tuple[Float[Array, ""], Float[Array, ""]]:
-        """First and second derivative of the cost at r along v."""
-        first, second = self._map(_slopes, r, v)
-        return jnp.sum(first), jnp.sum(second)
-
-    def change(self, r: Float[Array, "n d"], step: Float[Array, "n d"]) -> Float[Array, ""]:
-        """`cost(r + step) - cost(r)` without the cancellation of that difference."""
-        return jnp.sum(self._map(_change, r, step))
-
-    def is_quadratic(self, r: Float[Array, "n d"], end: Float[Array, "n d"]) -> Bool[Array, ""]:
-        """Whether every contact is in the top zone, or in the bottom zone, at both ends.
-
-        These zones are convex, so it stays in them.
-        """
-        return jnp.all(self._map(_is_quadratic, r, end))
-
     def slip(self, r: Float[Array, "n d"]) -> Float[Array, "n"]:
         """T, the scaled length of the friction residual of every contact."""
         return jax.vmap(lambda friction, r: _tangent(friction, r)[0])(self.friction, r)
 
-    def _map(self, function, *rows):
-        return jax.vmap(function)(self.D, self.mu, self.friction, *rows)
+    def _one_contact(self):
+        return _ONE_CONTACT, (self.D, self.mu, self.friction)
 
 
 def _tangent(friction: Float[Array, "m"], r: Float[Array, "d"]):
@@ -157,6 +128,13 @@ def _change(D, mu, friction, r, step):
 
 
 def _is_quadratic(D, mu, friction, r, end):
+    """Whether it is in the top zone, or in the bottom zone, at both ends.
+
+    These zones are convex, so it stays in them.
+    """
     bottom0, middle0 = _zones(mu, r[0], _tangent(friction, r)[0])
     bottom1, middle1 = _zones(mu, end[0], _tangent(friction, end)[0])
     return (D[0] <= 0) | ((bottom0 == bottom1) & ~middle0 & ~middle1)
+
+
+_ONE_CONTACT = OneContact(_cost, _force, _curvature, _slopes, _change, _is_quadratic)

@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 
 from jaxsim.arrays.checkpoint import SOLUTION
 from jaxsim.arrays.precision import full_precision
-from jaxsim.batching.primitives.jvp_rule import with_jvp_rule
+from jaxsim.batching.primitives.jvp_rule import moving_leaves, with_jvp_rule
 from jaxsim.solver.conjugate_gradients import hessian_product
 from jaxsim.solver.operator import Lifted, Operator, Rows
 from jaxsim.solver.problem import Problem
@@ -75,16 +75,7 @@ def _attached(y: Lifted, theta: Theta) -> Lifted:
 def _tangent(y: Lifted, theta: Theta, tangents: Sequence[Array | None]) -> Lifted:
     """The minimiser's tangent for tangents of some leaves of theta; None for the others."""
     problem, operator, _ = theta
-    leaves, structure = jax.tree.flatten(theta)
-    moving = [t is not None for t in tangents]
-    moved, given = ([x for x, m in zip(xs, moving, strict=True) if m] for xs in (leaves, tangents))
-
-    def where(*some) -> Theta:
-        rest = iter(some)
-        return structure.unflatten(
-            [next(rest) if m else x for x, m in zip(leaves, moving, strict=True)]
-        )
-
+    moved, given, where = moving_leaves(theta, tangents)
     x = operator.vector(y)
     _, dr = jax.jvp(lambda *some: _residual(x, where(*some)), moved, given)
     dx = _solve(operator, problem.curvatures(operator.rows(y)), dr)

@@ -31,7 +31,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxsim.arrays.precision import full_precision
-from jaxsim.batching.primitives.jvp_rule import with_jvp_rule
+from jaxsim.batching.primitives.jvp_rule import moving_leaves, with_jvp_rule
 from jaxsim.solver.anderson import Memory
 from jaxsim.solver.elliptic_cone import EllipticCone
 from jaxsim.solver.implicit import attach_lifted
@@ -211,22 +211,8 @@ def _attached(x: Float[Array, "nv"], shifts: Shifts, theta, rigid: tuple[int, ..
     @full_precision
     def rule(primals, tangents):
         x, shifts, theta = structure.unflatten(primals)
-        dots = tangents[1 + count :]
-        moving = [dot is not None for dot in dots]
-        flat, whole = jax.tree.flatten(theta)
-        moved = [v for v, m in zip(flat, moving, strict=True) if m]
-
-        def where(*some):
-            rest = iter(some)
-            return whole.unflatten(
-                [next(rest) if m else v for v, m in zip(flat, moving, strict=True)]
-            )
-
-        _, b = jax.jvp(
-            lambda *some: _pass(x, shifts, where(*some), rigid),
-            moved,
-            [dot for dot in dots if dot is not None],
-        )
+        moved, given, where = moving_leaves(theta, tangents[1 + count :])
+        _, b = jax.jvp(lambda *some: _pass(x, shifts, where(*some), rigid), moved, given)
 
         def remaining(t):
             _, after = jax.jvp(lambda z: _pass(x, z, theta, rigid), (shifts,), (t,))

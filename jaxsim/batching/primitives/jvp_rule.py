@@ -39,6 +39,32 @@ def with_jvp_rule(f: Callable, rule: Rule) -> Callable:
     return call
 
 
+def moving_leaves(
+    tree: Any, tangents: Sequence[Any]
+) -> tuple[list[Any], list[Any], Callable[..., Any]]:
+    """The part of a rule's operands that has tangents.
+
+    Args:
+      tree: operands of the rule.
+      tangents: one for each leaf, None where it is zero.
+
+    Returns:
+      The leaves that have tangents, these tangents, and a function from other values of these
+      leaves to the tree.
+    """
+    leaves, structure = jax.tree.flatten(tree)
+    moving = [t is not None for t in tangents]
+
+    def with_leaves(*values):
+        rest = iter(values)
+        return structure.unflatten(
+            [next(rest) if m else x for x, m in zip(leaves, moving, strict=True)]
+        )
+
+    moved, given = ([x for x, m in zip(xs, moving, strict=True) if m] for xs in (leaves, tangents))
+    return moved, given, with_leaves
+
+
 def _evaluate(*xs, program, rule):
     del rule
     return jex.jaxpr_as_fun(program)(*xs)
