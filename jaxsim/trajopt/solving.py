@@ -61,8 +61,10 @@ def solve(
       The plan. Trouble is in its `status`, never an exception.
 
     Raises:
-      ProblemError: the guess has the wrong shape.
+      ProblemError: the guess has the wrong shape, or the method has no iterations.
     """
+    if method.iterations < 1:
+        raise ProblemError(f"iterations must be at least 1, got {method.iterations}")
     run = _watched if progress else _compiled
     return run(problem, method, *guess(problem, ctrls, key))
 
@@ -105,16 +107,16 @@ def _watched(problem: Problem, method: Method, ctrls: Array, key: jax.Array) -> 
     improve = jax.jit(lambda now: method.improve(problem, now))
     now = method.start(problem, ctrls, key)
     history, start = np.full(method.iterations, np.nan, ctrls.dtype), time.perf_counter()
-    for count in range(method.iterations):
+    count = 0
+    while count < method.iterations and int(now.status) == PlanStatus.RUNNING:
         now = improve(now)
         history[count] = now.cost
+        count += 1
         seconds = time.perf_counter() - start
-        line = f"iteration {count + 1:4d}  cost {float(now.cost):12.6g}  {seconds:6.1f} s"
+        line = f"iteration {count:4d}  cost {float(now.cost):12.6g}  {seconds:6.1f} s"
         sys.stderr.write(f"\r{line}")
-        if int(now.status) != PlanStatus.RUNNING:
-            break
     sys.stderr.write("\n")
-    return _plan(count + 1, now, jnp.asarray(history))
+    return _plan(count, now, jnp.asarray(history))
 
 
 def _plan(count: Any, now: Iterate, history: Float[Array, "N"]) -> Plan:

@@ -45,11 +45,13 @@ def test_bad_problems(changes, message):
     assert isinstance(caught.value, ValueError)
 
 
-def test_a_guess_of_the_wrong_shape():
+def test_a_guess_of_the_wrong_shape_and_no_iterations():
     dynamics = VALID["dynamics"]
     problem = trajopt.make_problem(dynamics, **{k: VALID[k] for k in VALID if k != "dynamics"})
     with pytest.raises(trajopt.ProblemError, match=r"ctrls must have shape \(5, 2\), got \(5, 1\)"):
         trajopt.solve(problem, trajopt.ILQR(), jnp.zeros((5, 1)))
+    with pytest.raises(trajopt.ProblemError, match="iterations must be at least 1, got 0"):
+        trajopt.solve(problem, trajopt.ILQR(iterations=0))
 
 
 def test_bad_states_of_a_model():
