@@ -18,6 +18,7 @@ from jaxsim.dynamics.tree import accumulate_inward
 from jaxsim.joints import JOINTS
 from jaxsim.model import Model
 from jaxsim.model.inputs import admit_model
+from jaxsim.quantities.cameras import mounted_frames
 from jaxsim.spatial import Pose
 
 _CONNECT = int(mujoco.mjtEq.mjEQ_CONNECT)
@@ -31,9 +32,9 @@ def set_const(model: Model) -> Model:
     """Recompute the derived constants after masses, sizes or poses have changed, as `mj_setConst`.
 
     They are `body_subtreemass`, `body_invweight0`, `dof_invweight0`, `dof_M0`, `tendon_length0`,
-    `tendon_invweight0`, `actuator_length0`, `actuator_acc0`, and in `eq_data` the anchors and poses
-    of `connect` and `weld` constraints at the reference configuration. The function is
-    differentiable and takes one model; use `jax.vmap` for a batch.
+    `tendon_invweight0`, `actuator_length0`, `actuator_acc0`, `cam_pos0`, `cam_poscom0`, `cam_mat0`,
+    and in `eq_data` the anchors and poses of `connect` and `weld` constraints at the reference
+    configuration. The function is differentiable and takes one model; use `jax.vmap` for a batch.
 
     Args:
       model: a model whose leaves may have been changed.
@@ -58,7 +59,7 @@ def set_const(model: Model) -> Model:
         dof_M0=jnp.diagonal(mass),
         eq_data=_equality_poses(model, kin),
     )
-    return _path_constants(model, kin, inverse)
+    return _path_constants(model.replace(**_camera_offsets(model, kin)), kin, inverse)
 
 
 def _subtree_masses(model: Model) -> Float[Array, "nbody"]:
@@ -117,6 +118,17 @@ def _equality_poses(model: Model, kin: Kinematics) -> Float[Array, "neq 12"]:
             # MuJoCo's compiler sets entry 11 to one where it has computed the pose.
             data = data.at[i, 3:10].set(jnp.where(data[i, 11] == 1, found, data[i, 3:10]))
     return data
+
+
+def _camera_offsets(model: Model, kin: Kinematics) -> dict[str, Array]:
+    """Poses of the cameras relative to what they follow, by field name."""
+    pos, mat = mounted_frames(model, kin)
+    body, target = model.cam_bodyid, model.cam_targetbodyid
+    return {
+        "cam_pos0": pos - take(kin.xpos, body),
+        "cam_poscom0": pos - take(kin.subtree_com, np.where(target >= 0, target, body)),
+        "cam_mat0": mat.reshape(-1, 9),
+    }
 
 
 def _path_constants(model: Model, kin: Kinematics, inverse) -> Model:

@@ -18,6 +18,7 @@ _KINDS = {
     "jnt": "joint",
     "geom": "geom",
     "site": "site",
+    "cam": "camera",
     "pair": "pair",
     "eq": "equality",
     "tendon": "tendon",

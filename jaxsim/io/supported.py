@@ -1,7 +1,7 @@
 """Which of MuJoCo's features are supported.
 
 Every feature that affects MuJoCo's physics and is not supported is reported: nothing is ignored
-silently. Rendering data (cameras, lights, materials, visual meshes) is allowed. Messages use MJCF's
+silently. Rendering data (lights, materials, visual meshes) is allowed. Messages use MJCF's
 names. A constant without a name comes from a later MuJoCo and is reported, too.
 """
 
@@ -158,7 +158,6 @@ def _geometry(mj: mujoco.MjModel, label: Label) -> Iterator[ModelProblem]:
 
 
 def _sensors(mj: mujoco.MjModel, label: Label) -> Iterator[ModelProblem]:
-    camera = int(mujoco.mjtObj.mjOBJ_CAMERA)
     for s in range(mj.nsensor):
         name = constant_name("mjtSensor", mj.sensor_type[s])
         if name not in SENSORS:
@@ -166,8 +165,4 @@ def _sensors(mj: mujoco.MjModel, label: Label) -> Iterator[ModelProblem]:
                 label("sensor", s),
                 f"type {_mjcf(name)!r} is not supported; remove it, the documentation's table of "
                 "sensors lists the supported types",
-            )
-        elif camera in (mj.sensor_objtype[s], mj.sensor_reftype[s]):
-            yield ModelProblem(
-                label("sensor", s), "sensors of cameras are not supported; attach it to a site"
             )

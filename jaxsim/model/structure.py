@@ -16,8 +16,8 @@ from jaxsim.model.names import Names
 from jaxsim.model.topology import Forest
 
 SIZES = (
-    "nq nv nu na nbody njnt ngeom nsite neq ntendon nwrap nsensor nsensordata nmocap nkey npair "
-    "nexclude nactuator"
+    "nq nv nu na nbody njnt ngeom nsite ncam neq ntendon nwrap nsensor nsensordata nmocap nkey "
+    "npair nexclude nactuator"
 ).split()
 
 ARRAYS = (
@@ -25,7 +25,8 @@ ARRAYS = (
     "body_dofadr body_simple dof_jntid "
     "jnt_type jnt_qposadr jnt_dofadr jnt_bodyid jnt_limited jnt_actfrclimited jnt_actgravcomp "
     "geom_type geom_contype geom_conaffinity geom_condim geom_bodyid geom_priority geom_group "
-    "site_type site_bodyid pair_dim pair_geom1 pair_geom2 exclude_signature "
+    "site_type site_bodyid cam_bodyid cam_targetbodyid cam_mode cam_projection cam_resolution "
+    "pair_dim pair_geom1 pair_geom2 exclude_signature "
     "eq_type eq_obj1id eq_obj2id eq_objtype eq_active0 "
     "tendon_adr tendon_num tendon_limited tendon_actfrclimited wrap_type wrap_objid "
     "actuator_trntype actuator_dyntype actuator_gaintype actuator_biastype actuator_trnid "

@@ -5,7 +5,7 @@ import dataclasses
 import mujoco
 import numpy as np
 
-from jaxsim.model import Model, ModelError
+from jaxsim.model import Model
 
 _JOINT = int(mujoco.mjtObj.mjOBJ_JOINT)
 _SITE = int(mujoco.mjtObj.mjOBJ_SITE)
@@ -20,7 +20,8 @@ class SensorGroup:
       kind: name of the sensors' type, `mujoco.mjtSensor` without its prefix.
       objtype: `mujoco.mjtObj` of the objects.
       reftype: `mujoco.mjtObj` of the reference objects; -1 for none.
-      variant: type of the joint, or shape of the site, if the function depends on it; else -1.
+      variant: type of the joint, shape of the site, or camera of an image, if the function depends
+        on it; else -1.
       intprm: MuJoCo's integer parameters: which data are read, and how they are reduced.
       sensors: (n,) ids of the sensors.
       obj: (n,) ids of their objects.
@@ -41,11 +42,7 @@ class SensorGroup:
 
 
 def group_sensors(model: Model) -> tuple[SensorGroup, ...]:
-    """All sensors of a model, grouped.
-
-    Raises:
-      ModelError: a sensor is attached to a camera.
-    """
+    """All sensors of a model, grouped."""
     keys: dict[tuple[str, int, int, int, tuple[int, ...]], list[int]] = {}
     for s in range(model.nsensor):
         keys.setdefault(_key(model, s), []).append(s)
@@ -70,14 +67,13 @@ def _key(model: Model, s: int) -> tuple[str, int, int, int, tuple[int, ...]]:
     kind, objtype, obj = _kind(model, s), int(model.sensor_objtype[s]), model.sensor_objid[s]
     ref = model.sensor_refid[s]
     reftype = int(model.sensor_reftype[s]) if ref >= 0 else -1
-    if _CAMERA in (objtype, reftype):
-        label = model.names.label("sensor", s)
-        raise ModelError(f"{label}: frames of cameras are not supported; attach it to a site")
     variant = -1
     if objtype == _JOINT:
         variant = int(model.jnt_type[obj])
     elif kind == "TOUCH":
         variant = int(model.site_type[obj])
+    elif kind == "RANGEFINDER" and objtype == _CAMERA:
+        variant = int(obj)
     elif reftype == _SITE and kind == "INSIDESITE":
         variant = int(model.site_type[ref])
     return kind, objtype, reftype, variant, tuple(model.sensor_intprm[s].tolist())

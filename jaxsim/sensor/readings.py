@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 
 from jaxsim.arrays.indexing import take
 from jaxsim.quantities import body_forces
+from jaxsim.quantities.cameras import Frames, camera_frames
 from jaxsim.quantities.momentum import subtree_velocities
 from jaxsim.sensor.signals import Signals
 from jaxsim.spatial import Inertia, acceleration_at, quat_mul, twist_at
@@ -19,6 +20,7 @@ _BODY = int(mujoco.mjtObj.mjOBJ_BODY)
 _XBODY = int(mujoco.mjtObj.mjOBJ_XBODY)
 _GEOM = int(mujoco.mjtObj.mjOBJ_GEOM)
 _SITE = int(mujoco.mjtObj.mjOBJ_SITE)
+CAMERA = int(mujoco.mjtObj.mjOBJ_CAMERA)
 # Names of position and orientation in `Kinematics`. A body's own frame is called "xbody".
 _FRAMES = {
     _BODY: ("xipos", "ximat"),
@@ -63,22 +65,35 @@ class Readings:
         """Velocities of the subtrees' centres of mass, and angular momenta about them."""
         return subtree_velocities(self.model, self.motion.kin, self.motion.vel)
 
+    @functools.cached_property
+    def cameras(self) -> Frames:
+        """Positions and orientations of all cameras."""
+        return camera_frames(self.model, self.motion.kin)
+
     def frame(self, objtype: int, ids: np.ndarray) -> tuple[Array, Array]:
         """Positions (n, 3) and orientations (n, 3, 3) of objects of one kind."""
-        pos, mat = (getattr(self.motion.kin, name) for name in _FRAMES[objtype])
+        if objtype == CAMERA:
+            pos, mat = self.cameras
+        else:
+            pos, mat = (getattr(self.motion.kin, name) for name in _FRAMES[objtype])
         return take(pos, ids), take(mat, ids)
 
     def body(self, objtype: int, ids: np.ndarray) -> np.ndarray:
         """Bodies that carry objects of one kind."""
         model = self.model
-        owner = {_GEOM: model.geom_bodyid, _SITE: model.site_bodyid}.get(objtype)
+        owners = {_GEOM: model.geom_bodyid, _SITE: model.site_bodyid, CAMERA: model.cam_bodyid}
+        owner = owners.get(objtype)
         return ids if owner is None else owner[ids]
 
     def quat(self, objtype: int, ids: np.ndarray) -> Float[Array, "n 4"]:
-        """Orientations of objects of one kind; the signs are MuJoCo's."""
+        """Orientations of objects of one kind; the signs are MuJoCo's.
+
+        As in MuJoCo, that of a camera is its mount's, whatever it looks at.
+        """
         model = self.model
         base = take(self.motion.kin.xquat, self.body(objtype, ids))
         local = {_BODY: model.body_iquat, _GEOM: model.geom_quat, _SITE: model.site_quat}
+        local[CAMERA] = model.cam_quat
         if objtype not in local:
             return base
         return jax.vmap(quat_mul)(base, take(local[objtype], ids))

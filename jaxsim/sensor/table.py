@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 from jaxsim.arrays.indexing import take
 from jaxsim.model import Model
 from jaxsim.sensor import acceleration, position, velocity
+from jaxsim.sensor.camera import camprojection
 from jaxsim.sensor.contact import contact
 from jaxsim.sensor.distance import geomdist, geomfromto, geomnormal
 from jaxsim.sensor.groups import SensorGroup, group_sensors, kinds
@@ -40,6 +41,7 @@ SENSORS = {
     "MAGNETOMETER": (position.magnetometer, ()),
     "INSIDESITE": (position.insidesite, ()),
     "RANGEFINDER": (rangefinder, ()),
+    "CAMPROJECTION": (camprojection, ()),
     "GEOMDIST": (geomdist, ()),
     "GEOMNORMAL": (geomnormal, ()),
     "GEOMFROMTO": (geomfromto, ()),
@@ -91,7 +93,6 @@ def sensordata(signals: Signals) -> Float[Array, "nsensordata"]:
 
     Raises:
       ValueError: an optional signal is missing that a sensor reads.
-      ModelError: a sensor is attached to a camera.
     """
     model, dtype = signals.motion.model, signals.motion.qpos.dtype
     if not model.nsensor or model.opt.disabled(_SENSOR_OFF):

@@ -4,8 +4,8 @@ from jaxsim.cli import main
 
 REFUSED = """
 <mujoco>
-  <worldbody><camera name="eye"/><body><joint/><geom size=".1"/></body></worldbody>
-  <sensor><framepos objtype="camera" objname="eye"/></sensor>
+  <worldbody><body><joint/><geom size=".1"/></body></worldbody>
+  <sensor><user name="mine" dim="1"/></sensor>
 </mujoco>
 """
 
@@ -32,7 +32,7 @@ def test_refusals_are_listed(tmp_path, capsys):
     assert main(["inspect", str(file)]) == 1
     found = capsys.readouterr()
     assert "1 joint" in found.out
-    assert "sensors of cameras are not supported" in found.err
+    assert "sensor 'mine': type 'user' is not supported" in found.err
 
 
 def test_a_file_that_is_no_model(tmp_path, capsys):

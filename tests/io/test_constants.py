@@ -12,7 +12,7 @@ from jaxsim.io import bundled_models, bundled_xml
 
 CONSTANTS = (
     "body_subtreemass body_invweight0 dof_invweight0 dof_M0 tendon_length0 tendon_invweight0 "
-    "actuator_length0 actuator_acc0 eq_data"
+    "actuator_length0 actuator_acc0 cam_pos0 cam_poscom0 cam_mat0 eq_data"
 ).split()
 
 SLIDES = """
@@ -24,7 +24,8 @@ SLIDES = """
 JOINED = """
 <mujoco>
   <worldbody>
-    <body name="a"><freejoint/><geom size=".05"/></body>
+    <body name="a"><freejoint/><geom size=".05"/>
+      <camera pos=".1 .2 .3" euler="10 20 30" mode="targetbody" target="b"/></body>
     <body name="b" pos=".1 0 .5" euler="10 20 30"><joint axis="0 1 0"/><geom size=".05"/>
       <body name="c" pos=".3 0 0" euler="0 40 0"><joint type="ball"/>
         <geom size=".1 .02" type="capsule"/></body>

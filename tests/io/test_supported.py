@@ -161,13 +161,6 @@ def test_a_margin_that_activates_both_limits_is_refused():
         load(xml)
 
 
-def test_a_sensor_of_a_camera_is_refused():
-    xml = """<mujoco><worldbody><body><geom size=".1"/><camera name="eye"/></body></worldbody>
-      <sensor><framepos name="where" objtype="camera" objname="eye"/></sensor></mujoco>"""
-    with pytest.raises(ModelError, match="sensor 'where': sensors of cameras are not supported"):
-        load(xml)
-
-
 def _xml(options: str = "", geom: str = "", rest: str = "") -> str:
     return BASE.format(options=options, geom=geom, rest=rest)
 

@@ -26,6 +26,7 @@ WORLD = """
   <body name="base" pos="0 0 .25">
     <freejoint name="base"/>
     <geom name="base" type="box" size=".3 .2 .1" mass="4" euler="5 0 3" pos=".02 0 .01"/>
+    <camera name="eye" pos="0 0 .2" euler="30 20 0" resolution="2 2"/>
     <site name="base" pos=".1 -.1 .05" euler="20 -30 40"/>
     <site name="patch" type="box" pos=".3 .2 -.1" size=".1 .1 .1"/>
     <body name="arm" pos=".3 0 .1" euler="0 20 0">
@@ -109,6 +110,7 @@ def sensor_elements() -> list[str]:
     rows += [f'<rangefinder site="{site}"/>' for site in sites]
     rows += ['<rangefinder site="arm" data="dist dir origin point normal depth"/>']
     rows += ['<rangefinder site="hand" data="dist normal" cutoff=".3"/>']
+    rows += ['<camprojection site="rod" camera="eye"/>', '<rangefinder camera="eye"/>']
     for kind, geom in itertools.product(("distance", "normal", "fromto"), ("floor", "rod", "base")):
         rows.append(f'<{kind} geom1="{geom}" geom2="disc" cutoff="1"/>')
         rows.append(f'<{kind} body1="disc" body2="hand" cutoff=".2"/>')
