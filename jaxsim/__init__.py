@@ -18,10 +18,12 @@ from jaxsim.dynamics.rnea import inverse_dynamics
 from jaxsim.engine import (
     ContactReport,
     Forward,
+    ForwardDetails,
     SimulationError,
     Status,
     check,
     forward,
+    forward_details,
     inverse,
     rollout,
     step,
@@ -48,6 +50,7 @@ def __getattr__(name: str):
 __all__ = [
     "ContactReport",
     "Forward",
+    "ForwardDetails",
     "GeomDistance",
     "IkResult",
     "JaxsimError",
@@ -64,6 +67,7 @@ __all__ = [
     "checkpoint",
     "configure_cpu",
     "forward",
+    "forward_details",
     "forward_dynamics",
     "geom_distance",
     "ik",

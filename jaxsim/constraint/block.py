@@ -33,6 +33,8 @@ class Block:
       type: type of the rows, static.
       ids: id of the constrained element for each index of the first axis, static; empty for
         contacts.
+      violation: violation of each row, relative to its margin; None for friction, which has none,
+        and for contacts, whose record has it.
       weight: mean inverse inertia for each index of the first axis; None for rows without friction.
     """
 
@@ -40,4 +42,5 @@ class Block:
     jacobian: Jacobian
     type: RowType = struct.field(pytree_node=False)
     ids: tuple[int, ...] = struct.field(pytree_node=False, default=())
+    violation: Array | None = None
     weight: Float[Array, "n"] | None = None

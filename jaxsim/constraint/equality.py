@@ -138,7 +138,7 @@ def _block(motion: Motion, ids, jacobian, violation, bias, weight, type_: RowTyp
 
     inputs = take(model.eq_solref, ids), take(model.eq_solimp, ids), violation, velocity, weight
     aref, R = jax.vmap(one)(*inputs)
-    return Block(Quadratic(aref - bias, 1 / R), jacobian, type_, tuple(ids.tolist()))
+    return Block(Quadratic(aref - bias, 1 / R), jacobian, type_, tuple(ids.tolist()), violation)
 
 
 def _joint(motion: Motion, ids: np.ndarray) -> Block:
@@ -199,4 +199,4 @@ def _polynomial(motion: Motion, ids, value, J, weight, type_: RowType) -> Block:
     inputs = take(model.eq_solref, ids), take(model.eq_solimp, ids), violation, velocity, weights
     aref, R = jax.vmap(row)(*inputs)
     D = inverse_where(moves_anything(rows), R)
-    return Block(Quadratic(aref, D), jacobian, type_, tuple(ids.tolist()))
+    return Block(Quadratic(aref, D), jacobian, type_, tuple(ids.tolist()), violation)

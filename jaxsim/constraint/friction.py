@@ -59,7 +59,7 @@ def _block(motion: Motion, jacobian, ids: np.ndarray, parameters, type_: RowType
     solref, solimp, weight, floss = (take(p, ids) for p in parameters)
     aref, R = jax.vmap(row)(velocity, solref, solimp, weight)
     kind = Huber(aref=aref, D=1 / R, floss=floss)
-    return Block(kind, jacobian, type_, tuple(ids.tolist()), weight)
+    return Block(kind, jacobian, type_, tuple(ids.tolist()), weight=weight)
 
 
 def _tree_dofs(model, dofs: np.ndarray) -> tuple[int, ...]:

@@ -112,4 +112,4 @@ def _block(
 
     active = (violation < 0) & movable
     aref, D = jax.vmap(row)(active, violation, velocity, *parameters)
-    return Block(Unilateral(aref=aref, D=D), jacobian, type_, tuple(ids.tolist()))
+    return Block(Unilateral(aref=aref, D=D), jacobian, type_, tuple(ids.tolist()), violation)

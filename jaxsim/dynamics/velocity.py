@@ -36,13 +36,21 @@ def velocities(model: Model, kin: Kinematics, qvel: Float[Array, "nv"]) -> Veloc
     such as the translations of a free joint, is zero.
     """
     tree = model.tree
-    each = kin.cdof * to_tree_order(model, qvel)[:, None]
-    joint = sum_by(each, tree.dof_node, len(tree))
-    carried, turns = joint, turning(tree.kind)
-    if not turns.all():
-        carried = sum_by(jnp.where(turns[:, None], each, 0), tree.dof_node, len(tree))
+    joint, carried = joint_twists(model, kin, qvel)
     cvel = accumulate_outward(tree, joint)
     return Velocities(cvel, accumulate_outward(tree, jax.vmap(cross_motion)(cvel, carried)))
+
+
+def joint_twists(
+    model: Model, kin: Kinematics, qvel: Float[Array, "nv"]
+) -> tuple[Float[Array, "njnt 6"], Float[Array, "njnt 6"]]:
+    """`cdof * qvel` summed over each joint, and over its axes that turn with its link."""
+    tree = model.tree
+    each = kin.cdof * to_tree_order(model, qvel)[:, None]
+    joint, turns = sum_by(each, tree.dof_node, len(tree)), turning(tree.kind)
+    if turns.all():
+        return joint, joint
+    return joint, sum_by(jnp.where(turns[:, None], each, 0), tree.dof_node, len(tree))
 
 
 def body_twists(

@@ -11,6 +11,7 @@ from jaxsim.dynamics.crba import composite_mass_matrix
 from jaxsim.dynamics.motion import motion_of
 from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.dynamics.rnea import generalized_force, link_accelerations, link_forces
+from jaxsim.engine.instant import Instant
 from jaxsim.engine.readout import read_sensors
 from jaxsim.engine.status import Status
 from jaxsim.engine.stepping import contacts, evaluate, forces
@@ -82,6 +83,8 @@ class Forward:
 def forward(model: Model, state: State, ctrl: Float[Array, "nu"] | None = None) -> Forward:
     """All quantities of a state without integrating it, as MuJoCo's `mj_forward`.
 
+    `jaxsim.forward_details` has more: `cvel`, `cdof`, `cinert`, `efc_J` and the like.
+
     Args:
       model: the model.
       state: the state.
@@ -92,8 +95,12 @@ def forward(model: Model, state: State, ctrl: Float[Array, "nu"] | None = None) 
       ValueError: an array has the wrong shape.
     """
     model, state, ctrl = admit(model, state, ctrl)
-    now = evaluate(model, state, ctrl)
-    kin, found = now.motion.kin, now.constrained
+    return report(evaluate(model, state, ctrl), state)
+
+
+def report(now: Instant, state: State) -> Forward:
+    """The public record of an instant."""
+    model, kin, found = now.motion.model, now.motion.kin, now.constrained
     energy = jnp.stack(
         [
             potential_energy(model, kin, state.qpos),

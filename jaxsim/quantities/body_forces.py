@@ -51,6 +51,13 @@ def cinert(model: Model, kin: Kinematics) -> Float[Array, "nbody 10"]:
     return jnp.concatenate([packed, inertia.first_moment, inertia.mass[:, None]], axis=1)
 
 
+def crb(model: Model, kin: Kinematics) -> Float[Array, "nbody 10"]:
+    """Inertias of the subtrees of all bodies, packed as in `cinert`; zero for the world."""
+    forest = model.structure.body_tree
+    total = accumulate_inward(forest, take(cinert(model, kin), forest.order))
+    return take(total, forest.position).at[0].set(0)
+
+
 def cvel(model: Model, kin: Kinematics, vel: Velocities) -> Float[Array, "nbody 6"]:
     """Twists of all bodies about `tree_com`: `(omega, v)` in rad/s and m/s."""
     return body_twists(model, kin, vel.cvel, tree_com(model, kin))

@@ -79,6 +79,21 @@ class PyramidalCone:
         plus, minus = (-self.D[:, None] * jnp.minimum(e, 0) for e in self._edges(r))
         return plus + minus
 
+    def edges(self, r: Float[Array, "n d"]) -> Float[Array, "n 2*(d-1)"]:
+        """Residuals of the edges in MuJoCo's order: both of one direction, then of the next."""
+        return jnp.stack(self._edges(r), axis=2).reshape(r.shape[0], -1)
+
+    def spread(self, force: Float[Array, "n d"]) -> Float[Array, "n 2*(d-1)"]:
+        """Forces of the edges, in the same order, that add up to the forces of the rows.
+
+        The part of the normal force that friction does not need is spread evenly.
+        """
+        needed = jnp.where(self.mu > 0, force[:, 1:] / jnp.where(self.mu > 0, self.mu, 1.0), 0.0)
+        surplus = force[:, 0] - jnp.sum(jnp.abs(needed), axis=1)
+        total = jnp.abs(needed) + surplus[:, None] / needed.shape[1]
+        edges = jnp.stack([total + needed, total - needed], axis=2) / 2
+        return edges.reshape(force.shape[0], -1)
+
     def _edges(self, r):
         """Residuals (n, d - 1) of the edges e on the positive and the negative side."""
         tangent = self.mu * r[:, 1:]

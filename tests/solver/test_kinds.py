@@ -206,3 +206,14 @@ def test_the_cone_has_no_singular_point(x64, mu, friction):
                 assert np.isfinite(leaf).all()
             if friction == 0:
                 np.testing.assert_allclose(block.cost(r), min(normal, 0) ** 2)
+
+
+@pytest.mark.parametrize("block", ["pyramid3", "pyramid6"], indirect=True)
+def test_edges_of_a_pyramid_add_up_to_its_rows(block):
+    """The power of the edges is that of the rows, and no edge pulls."""
+    r, v = residual(block), residual(block, seed=1)
+    force = block.force(r)
+    edges = block.spread(force)
+    assert edges.min() > -1e-12
+    power = jnp.sum(edges * block.edges(v), axis=1)
+    np.testing.assert_allclose(power, jnp.sum(force * v, axis=1), atol=1e-12)

@@ -1,0 +1,149 @@
+"""`forward_details`: what MuJoCo's and MJX's `Data` hold beyond the fields of `Forward`."""
+
+import dataclasses
+from typing import Any
+
+from flax import struct
+from jaxtyping import Array, Float, Int
+
+from jaxsim.arrays.precision import full_precision
+from jaxsim.dynamics.tendon import tendon_jacobian, tendon_velocity
+from jaxsim.dynamics.transmission import actuator_moment
+from jaxsim.engine.instant import Instant
+from jaxsim.engine.readout import body_wrenches
+from jaxsim.engine.report import Forward, report
+from jaxsim.engine.rows import constraint_rows
+from jaxsim.engine.stepping import evaluate
+from jaxsim.model import Model, State
+from jaxsim.model.inputs import admit
+from jaxsim.quantities import body_forces
+from jaxsim.quantities.momentum import subtree_velocities
+from jaxsim.quantities.motion_axes import cdof, cdof_dot
+
+
+@struct.dataclass
+class ForwardDetails(Forward):
+    """`Forward`, and the quantities from which MuJoCo computes it; names and order are MuJoCo's.
+
+    Spatial vectors are (angular, linear) in world axes about the centre of mass of the body's tree,
+    `subtree_com[body_rootid]`.
+
+    All rows that the model can have are listed, with D zero where MuJoCo would not list them: these
+    rows are zero but for `efc_pos` and `efc_margin`. Rows of contacts are in the order of
+    `contact`, whose slots are their `efc_id`.
+
+    Attributes:
+      ximat: orientations of the inertial frames.
+      cinert: inertias of bodies: six moments, mass times position, mass.
+      crb: the same of their subtrees.
+      cdof: motion axes.
+      cdof_dot: rates of the motion axes.
+      cvel: twists of bodies.
+      cacc: their spatial accelerations minus gravity.
+      cfrc_int: wrenches that bodies receive from their parents.
+      cfrc_ext: external wrenches: contacts, connects, welds and `xfrc_applied`.
+      subtree_linvel: velocities of the centres of mass of subtrees (m/s).
+      subtree_angmom: angular momenta of subtrees about their centres of mass (N m s).
+      ten_length: lengths of tendons.
+      ten_velocity: their rates.
+      ten_J: their Jacobian.
+      actuator_moment: Jacobian of the lengths of actuators.
+      efc_type: numbers of `mujoco.mjtConstraint`.
+      efc_id: equality, degree of freedom, joint, tendon or slot of the contact.
+      efc_J: Jacobian.
+      efc_pos: position: violation, distance to a limit, distance of a contact.
+      efc_margin: positions below which rows are active.
+      efc_frictionloss: largest dry friction.
+      efc_D: inverse regularisation `1 / R`.
+      efc_vel: `efc_J qvel`.
+      efc_aref: reference acceleration.
+      efc_force: force; that of all rows is `qfrc_constraint = efc_J^T efc_force`.
+    """
+
+    ximat: Float[Array, "nbody 3 3"]
+    cinert: Float[Array, "nbody 10"]
+    crb: Float[Array, "nbody 10"]
+    cdof: Float[Array, "nv 6"]
+    cdof_dot: Float[Array, "nv 6"]
+    cvel: Float[Array, "nbody 6"]
+    cacc: Float[Array, "nbody 6"]
+    cfrc_int: Float[Array, "nbody 6"]
+    cfrc_ext: Float[Array, "nbody 6"]
+    subtree_linvel: Float[Array, "nbody 3"]
+    subtree_angmom: Float[Array, "nbody 3"]
+    ten_length: Float[Array, "ntendon"]
+    ten_velocity: Float[Array, "ntendon"]
+    ten_J: Float[Array, "ntendon nv"]
+    actuator_moment: Float[Array, "nu nv"]
+    efc_type: Int[Array, "nefc"]
+    efc_id: Int[Array, "nefc"]
+    efc_J: Float[Array, "nefc nv"]
+    efc_pos: Float[Array, "nefc"]
+    efc_margin: Float[Array, "nefc"]
+    efc_frictionloss: Float[Array, "nefc"]
+    efc_D: Float[Array, "nefc"]
+    efc_vel: Float[Array, "nefc"]
+    efc_aref: Float[Array, "nefc"]
+    efc_force: Float[Array, "nefc"]
+
+
+@full_precision
+def forward_details(
+    model: Model, state: State, ctrl: Float[Array, "nu"] | None = None
+) -> ForwardDetails:
+    """`forward`, with the com-based and the constraint quantities of MuJoCo's and MJX's `Data`.
+
+    Call it inside `jax.jit` and return what you need: what is not used is not computed.
+
+    Args:
+      model: the model.
+      state: the state.
+      ctrl: controls; None means zeros.
+
+    Raises:
+      TypeError: an argument, or the numbers in an array, are of the wrong type.
+      ValueError: an array has the wrong shape.
+    """
+    model, state, ctrl = admit(model, state, ctrl)
+    now = evaluate(model, state, ctrl)
+    plain = report(now, state)
+    known: dict[str, Any] = {
+        field.name: getattr(plain, field.name) for field in dataclasses.fields(plain)
+    }
+    rows = constraint_rows(now.motion, now.constrained)._asdict()
+    return ForwardDetails(**known, **rows, **_spatial(now, state), **_lengths(now, state))
+
+
+def _spatial(now: Instant, state: State) -> dict[str, Any]:
+    """Com-based quantities of bodies and degrees of freedom."""
+    motion = now.motion
+    model, kin, vel = motion.model, motion.kin, motion.vel
+    wrench = body_wrenches(motion, state, now.constrained)
+    moving = {
+        "cvel": body_forces.cvel(model, kin, vel),
+        "cacc": body_forces.cacc(model, kin, vel, now.qacc),
+        "cfrc_ext": body_forces.cfrc_ext(model, kin, wrench),
+    }
+    inertia = body_forces.body_inertias(model, kin)
+    linvel, angmom = subtree_velocities(model, kin, vel)
+    return moving | {
+        "ximat": kin.ximat,
+        "cinert": body_forces.cinert(model, kin),
+        "crb": body_forces.crb(model, kin),
+        "cdof": cdof(model, kin),
+        "cdof_dot": cdof_dot(model, kin, vel, state.qvel),
+        "cfrc_int": body_forces.cfrc_int(model, inertia, **moving),
+        "subtree_linvel": linvel,
+        "subtree_angmom": angmom,
+    }
+
+
+def _lengths(now: Instant, state: State) -> dict[str, Any]:
+    """Lengths of tendons and actuators as functions of the coordinates."""
+    model, kin = now.motion.model, now.motion.kin
+    return {
+        "ten_length": kin.ten_length,
+        "ten_velocity": tendon_velocity(model, kin, state.qvel),
+        "ten_J": tendon_jacobian(model, kin),
+        "actuator_moment": actuator_moment(model, now.actuation.transmission),
+    }
