@@ -8,6 +8,7 @@ forces are sums from the leaves inward.
 import jax
 import jax.numpy as jnp
 import mujoco
+import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsim.arrays.indexing import sum_by, take
@@ -119,8 +120,9 @@ def tree_force(
 def project_wrench(
     model: Model,
     kin: Kinematics,
-    wrench: Float[Array, "nbody 6"],
-    point: Float[Array, "nbody 3"],
+    wrench: Float[Array, "n 6"],
+    point: Float[Array, "n 3"],
+    bodies: np.ndarray | None = None,
 ) -> Float[Array, "nv"]:
     """Generalised forces of wrenches on bodies.
 
@@ -129,14 +131,18 @@ def project_wrench(
       kin: its kinematics.
       wrench: (torque, force) on each body, world axes.
       point: point of action on each body, world coordinates (m).
+      bodies: (n,) bodies, which may repeat; None for all.
     """
-    return generalized_force(model, kin, wrench_on_links(model, kin, wrench, point))
+    return generalized_force(model, kin, wrench_on_links(model, kin, wrench, point, bodies))
 
 
-def wrench_on_links(model: Model, kin: Kinematics, wrench, point) -> Float[Array, "njnt 6"]:
+def wrench_on_links(
+    model: Model, kin: Kinematics, wrench, point, bodies: np.ndarray | None = None
+) -> Float[Array, "njnt 6"]:
     """Wrenches on links about the trees' reference points, from wrenches on bodies."""
-    (moving,) = (model.body_link >= 0).nonzero()
-    link = model.body_link[moving]
+    link = model.body_link if bodies is None else model.body_link[bodies]
+    (moving,) = (link >= 0).nonzero()
+    link = link[moving]
     arm = take(point, moving) - take(take(kin.origin, model.tree.root), link)
     moved = jax.vmap(wrench_from)(take(wrench, moving), arm)
     return sum_by(moved, link, len(model.tree))

@@ -57,20 +57,22 @@ def body_twists(
     model: Model,
     kin: Kinematics,
     link_twist: Float[Array, "njnt 6"],
-    point: Float[Array, "nbody 3"],
-) -> Float[Array, "nbody 6"]:
-    """Twists of all bodies about given points, from the twists of the links.
+    point: Float[Array, "n 3"],
+    bodies: np.ndarray | None = None,
+) -> Float[Array, "n 6"]:
+    """Twists of bodies about given points, from the twists of the links.
 
     Args:
       model: the model.
       kin: its kinematics.
       link_twist: twists or spatial accelerations of the links about the tree's reference point.
       point: reference point for each body, world coordinates, for instance `kin.xipos` (m).
+      bodies: (n,) bodies, which may repeat; None for all.
 
     Returns:
       `(omega, v)` of each body in world axes; zero for bodies that no joint moves.
     """
-    link = model.body_link
+    link = model.body_link if bodies is None else model.body_link[bodies]
     (moving,) = np.nonzero(link >= 0)
     twist = take(link_twist, link[moving])
     arm = take(point, moving) - take(take(kin.origin, model.tree.root), link[moving])

@@ -30,9 +30,11 @@ _AFFINE_BIAS = int(mujoco.mjtBias.mjBIAS_AFFINE)
 class Damping:
     """`-d force / d qvel` of passive and actuator forces, `diag(d) + sum_links J^T K J + D`.
 
+    Without lift (of ellipsoids in a medium) it is symmetric.
+
     Attributes:
       diagonal: d, from joint dampers and actuators of hinges and slides.
-      link_matrix: K of each link, from drag, tree order; None without drag.
+      link_matrix: K of each link, from a medium, tree order; None without one.
       dense: D, from other actuators and tendons; None without any.
     """
 
@@ -44,7 +46,7 @@ class Damping:
 def smooth_damping(
     model: Model, kin: Kinematics, vel: Velocities, qvel: Float[Array, "nv"], actuation: Actuation
 ) -> Damping:
-    """Minus the derivative of passive and actuator forces with respect to velocity; symmetric.
+    """Minus the derivative of passive and actuator forces with respect to velocity.
 
     Args:
       model: the model.
@@ -88,7 +90,7 @@ def damping_matrix(model: Model, kin: Kinematics, damping: Damping) -> Float[Arr
         wrench = jax.vmap(lambda K, v: K @ v)(damping.link_matrix, twist)
         return generalized_force(model, kin, wrench)
 
-    return matrix + jax.vmap(drag)(jnp.eye(model.nv, dtype=matrix.dtype))
+    return matrix + jax.vmap(drag, out_axes=1)(jnp.eye(model.nv, dtype=matrix.dtype))
 
 
 def bias_derivative(

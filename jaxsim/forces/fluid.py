@@ -1,11 +1,11 @@
-"""Drag of a surrounding medium on bodies, by MuJoCo's inertia-box model.
+"""Forces of a surrounding medium on bodies, by MuJoCo's two models.
 
-Each body is replaced by the box with its mass and inertia. Drag acts along each axis of the box
-separately and depends on the velocity relative to the wind. MuJoCo documentation, chapter
-Computation, section "Inertia-based model".
+A geom with `fluidshape="ellipsoid"` is an ellipsoid in the medium. A body without such geoms is a
+box. The forces depend on the velocity relative to the wind.
 """
 
-import math
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -15,94 +15,96 @@ from jaxtyping import Array, Float
 
 from jaxsim.arrays.constants import MINVAL
 from jaxsim.arrays.indexing import sum_by, take
-from jaxsim.arrays.polynomial import magnitude
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.rnea import project_wrench
 from jaxsim.dynamics.velocity import Velocities, body_twists
-from jaxsim.model import Model, ModelError
+from jaxsim.forces.ellipsoid_fluid import EllipsoidDrag, ellipsoid_drag
+from jaxsim.forces.inertia_box import BoxDrag, box_drag
+from jaxsim.model import Model
 
 _SPRING = mujoco.mjtDisableBit.mjDSBL_SPRING
 _DAMPER = mujoco.mjtDisableBit.mjDSBL_DAMPER
 
 
+class _Shapes(NamedTuple):
+    """Shapes of one model in the medium: their bodies, positions, axes and laws, stacked."""
+
+    body: np.ndarray
+    pos: Float[Array, "n 3"]
+    mat: Float[Array, "n 3 3"]
+    law: BoxDrag | EllipsoidDrag
+
+
 def qfrc_fluid(model: Model, kin: Kinematics, vel: Velocities) -> Float[Array, "nv"]:
-    """Generalised forces of drag on all bodies.
-
-    Raises:
-      ModelError: a geom uses the ellipsoid model, and a medium was added after loading.
-    """
+    """Generalised forces of the medium on all bodies."""
+    total = jnp.zeros_like(model.dof_damping)
     if not has_fluid(model):
-        return jnp.zeros_like(model.dof_damping)
-    _check_ellipsoids(model)
-    viscous, quadratic = _coefficients(model)
+        return total
 
-    def one(mat, v, b, c):
-        f = -(b + c * magnitude(v)) * v
-        return jnp.concatenate([mat @ f[:3], mat @ f[3:]])
+    def world(law, mat, twist):
+        wrench = law.wrench(twist)
+        return jnp.concatenate([mat @ wrench[:3], mat @ wrench[3:]])
 
-    wrench = jax.vmap(one)(kin.ximat, _relative_twists(model, kin, vel), viscous, quadratic)
-    return project_wrench(model, kin, wrench, kin.xipos)
+    for shapes in _shapes(model, kin):
+        twist = _relative_twists(model, kin, vel, shapes)
+        wrench = jax.vmap(world)(shapes.law, shapes.mat, twist)
+        total = total + project_wrench(model, kin, wrench, shapes.pos, shapes.body)
+    return total
 
 
 def link_drag(model: Model, kin: Kinematics, vel: Velocities) -> Float[Array, "njnt 6 6"]:
-    """Derivative of drag with respect to velocity: K with `d wrench = -K d twist` for each link.
+    """Derivative of the forces with respect to velocity: K with `d wrench = -K d twist`.
 
-    K is symmetric and positive semidefinite, about the tree's reference point.
+    K of each link is about the tree's reference point. It is symmetric and positive semidefinite
+    for boxes; ellipsoids have lift, too.
     """
-    viscous, quadratic = _coefficients(model)
-    slope = viscous + 2 * quadratic * magnitude(_relative_twists(model, kin, vel))
-    (moving,) = (model.body_link >= 0).nonzero()
-    link = model.body_link[moving]
-    arm = take(kin.xipos, moving) - take(take(kin.origin, model.tree.root), link)
 
-    def one(mat, arm, slope):
-        # J maps a twist about the reference point to one about the centre of mass in box axes.
+    def one(law, mat, arm, twist):
+        # J maps a twist about the reference point to one about the shape's centre in its axes.
         moment = jnp.stack([jnp.cross(arm, mat[:, k]) for k in range(3)])
         angular = jnp.concatenate([mat.T, jnp.zeros((3, 3), mat.dtype)], axis=1)
         J = jnp.concatenate([angular, jnp.concatenate([moment, mat.T], axis=1)])
-        return (J.T * slope[None]) @ J
+        return J.T @ law.slope(twist) @ J
 
-    each = jax.vmap(one)(take(kin.ximat, moving), arm, take(slope, moving))
-    return sum_by(each, link, model.njnt)
+    total = jnp.zeros((model.njnt, 6, 6), kin.xpos.dtype)
+    for shapes in _shapes(model, kin):
+        link = model.body_link[shapes.body]
+        arm = shapes.pos - take(take(kin.origin, model.tree.root), link)
+        twist = _relative_twists(model, kin, vel, shapes)
+        each = jax.vmap(one)(shapes.law, shapes.mat, arm, twist)
+        total = total + sum_by(each, link, model.njnt)
+    return total
 
 
 def has_fluid(model: Model) -> bool:
-    """Whether the model may have drag; disabling springs and dampers disables it, too."""
+    """Whether the model may be in a medium; disabling springs and dampers disables it, too."""
     off = model.opt.disabled(_SPRING) and model.opt.disabled(_DAMPER)
     medium = model.nonzero_rows("opt.density") or model.nonzero_rows("opt.viscosity")
     return bool(medium) and not off
 
 
-def _check_ellipsoids(model: Model) -> None:
-    for geom in np.flatnonzero(model.structure.source.geom_fluid[:, 0]):
-        raise ModelError(
-            f"{model.names.label('geom', int(geom))}: fluidshape is not supported in a medium; "
-            "load the model without it for the inertia-box fluid model"
-        )
+def _shapes(model: Model, kin: Kinematics) -> Iterator[_Shapes]:
+    """Boxes and ellipsoids of the bodies that joints move."""
+    (geoms,) = np.nonzero(model.geom_ellipsoid & (model.body_link[model.geom_bodyid] >= 0))
+    owners = model.geom_bodyid[geoms]
+    boxes = np.setdiff1d(np.flatnonzero(model.body_link >= 0), owners)
+    if len(boxes):
+        law = jax.tree.map(lambda a: take(a, boxes), box_drag(model))
+        yield _Shapes(boxes, take(kin.xipos, boxes), take(kin.ximat, boxes), law)
+    if len(geoms):
+        law = ellipsoid_drag(model, geoms)
+        # As in MuJoCo, bodies without mass feel nothing.
+        heavy = (take(model.body_mass, owners) >= MINVAL)[:, None]
+        law = law.replace(fluid=jnp.where(heavy, law.fluid, 0))
+        yield _Shapes(owners, take(kin.geom_xpos, geoms), take(kin.geom_xmat, geoms), law)
 
 
-def _relative_twists(model: Model, kin: Kinematics, vel: Velocities) -> Float[Array, "nbody 6"]:
-    """Twists of bodies relative to the wind, about the centres of mass and in the box axes."""
+def _relative_twists(
+    model: Model, kin: Kinematics, vel: Velocities, shapes: _Shapes
+) -> Float[Array, "n 6"]:
+    """Twists of shapes relative to the wind, about their positions and in their axes."""
 
     def one(mat, twist):
         return jnp.concatenate([twist[:3] @ mat, (twist[3:] - model.opt.wind) @ mat])
 
-    return jax.vmap(one)(kin.ximat, body_twists(model, kin, vel.cvel, kin.xipos))
-
-
-def _coefficients(model: Model) -> tuple[Float[Array, "nbody 6"], Float[Array, "nbody 6"]]:
-    """Coefficients b and c of the drag `-(b + c |v|) v`, for each body and component of twist."""
-    viscosity, density = model.opt.viscosity, model.opt.density
-
-    def one(mass, inertia):
-        light = mass < MINVAL
-        squares = jnp.sum(inertia) - 2 * inertia
-        box = jnp.sqrt(jnp.maximum(squares, MINVAL) / jnp.where(light, 1.0, mass) * 6)
-        diameter = jnp.sum(box) / 3
-        b = jnp.stack([math.pi * diameter**3] * 3 + [3 * math.pi * diameter] * 3) * viscosity
-        x, y, z = box
-        turning = jnp.stack([x * (y**4 + z**4), y * (x**4 + z**4), z * (x**4 + y**4)]) / 64
-        c = jnp.concatenate([turning, jnp.stack([y * z, x * z, x * y]) / 2]) * density
-        return jnp.where(light, 0.0, b), jnp.where(light, 0.0, c)
-
-    return jax.vmap(one)(model.body_mass, model.body_inertia)
+    return jax.vmap(one)(shapes.mat, body_twists(model, kin, vel.cvel, shapes.pos, shapes.body))

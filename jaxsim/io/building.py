@@ -73,6 +73,7 @@ def build(
             **field_tables(mj),
             "wrap_sideid": _side_sites(mj),
             "geom_opaque": opaque_geoms(mj),
+            "geom_ellipsoid": mj.geom_fluid[:, 0] > 0,
         },
         names=names,
         source=copy.copy(mj),

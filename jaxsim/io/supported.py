@@ -105,17 +105,10 @@ def _attributes(mj: mujoco.MjModel) -> tuple[tuple[str, str, np.ndarray, str], .
     """Attributes that must be zero: kind of element, MJCF's name, values, remedy."""
     remove, joints = "remove the attribute", "put armature on the joints"
     on_tendon = mj.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON
-    in_medium = mj.opt.density > 0 or mj.opt.viscosity > 0
     return (
         ("actuator", "delay", mj.actuator_delay, remove),
         ("actuator", "more than one control", mj.actuator_ctrlnum - 1, "use one each"),
         ("actuator", "armature of a tendon's actuator", mj.actuator_armature * on_tendon, joints),
-        (
-            "geom",
-            "fluidshape in a medium",
-            mj.geom_fluid[:, 0] * in_medium,
-            "use the inertia-box fluid model",
-        ),
         ("geom", "surfacevel", mj.geom_surfacevel, remove),
         ("geom", "adhesion", mj.geom_adhesion, remove),
         ("pair", "adhesion", mj.pair_adhesion, remove),

@@ -42,11 +42,12 @@ class Structure:
 
     Fields have MuJoCo's names and values; arrays are read-only NumPy arrays. Fields of our own are
     the tables of hulls and height fields (`jaxsim.io.hulls`, `jaxsim.io.fields`), `wrap_sideid`,
-    the side site of each surface that a tendon wraps around (-1: none), and `geom_opaque`, whether
-    each geom is opaque. The link tree (`tree`) and the body tree (`body_tree`) are derived from the
-    fields. `facts` caches the facts that other packages declare (see `jaxsim.model.facts`). The
-    compiled `source` is used for drawing, for rays against its meshes and by `to_mujoco`. It does
-    not take part in comparisons, except that a digest of its meshes is a field.
+    the side site of each surface that a tendon wraps around (-1: none), `geom_opaque`, whether each
+    geom is opaque, and `geom_ellipsoid`, whether it is an ellipsoid for the medium. The link tree
+    (`tree`) and the body tree (`body_tree`) are derived from the fields. `facts` caches the facts
+    that other packages declare (see `jaxsim.model.facts`). The compiled `source` is used for
+    drawing, for rays against its meshes and by `to_mujoco`. It does not take part in comparisons,
+    except that a digest of its meshes is a field.
     """
 
     def __init__(

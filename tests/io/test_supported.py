@@ -1,7 +1,6 @@
 """What a model may not ask for: every message names the element and says what would work."""
 
 import jax
-import jax.numpy as jnp
 import mujoco
 import numpy as np
 import pytest
@@ -138,13 +137,6 @@ def test_what_has_no_effect_is_accepted(options, geom, rest, x64):
     now = quick_jit(jaxsim.forward)(model, jaxsim.make_state(model))
     np.testing.assert_allclose(now.qacc, data.qacc, atol=1e-9)
     np.testing.assert_allclose(now.sensordata, data.sensordata, atol=1e-9)
-
-
-def test_a_medium_that_comes_later_is_refused_with_ellipsoids():
-    model = load(_xml(geom='fluidshape="ellipsoid"'))
-    water = model.replace(opt=model.opt.replace(density=jnp.array(1000.0)))
-    with pytest.raises(ModelError, match="geom 'ball': fluidshape is not supported in a medium"):
-        jax.eval_shape(jaxsim.step, water, jaxsim.make_state(model))
 
 
 def test_rendering_passes_silently():

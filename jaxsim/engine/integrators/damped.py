@@ -15,8 +15,11 @@ from jaxsim.model import Model
 def solve_damped(
     model: Model, now: Instant, damping: Damping, force: Float[Array, "nv"]
 ) -> Float[Array, "nv"]:
-    """`(M + h D)^-1 force`, in O(n) unless D has a dense part."""
+    """`(M + h D)^-1 force`, in O(n) unless D has a dense part; D is made symmetric."""
     h, kin = model.opt.timestep, now.motion.kin
+    if damping.link_matrix is not None:
+        mean = (damping.link_matrix + damping.link_matrix.mT) / 2
+        damping = damping.replace(link_matrix=mean)
     if damping.dense is not None:
         matrix = composite_mass_matrix(model, kin) + h * damping_matrix(model, kin, damping)
         return jnp.linalg.solve(matrix, force)
