@@ -38,7 +38,11 @@ def on_files(files: Files, config) -> Files:
 
 
 def on_page_markdown(markdown: str, **_) -> str:
-    """Links to files of the repository that are no pages become their names."""
+    """Links to files of the repository that are no pages become their names.
+
+    Examples are on the pages of the reference.
+    """
+    markdown = re.sub(r"\(examples/([\w.]+\.md)\)", r"(reference/\1#examples)", markdown)
     return re.sub(r"\[([^\]]*)\]\(\.\./(\w+)[^)]*\)", _named, markdown)
 
 
@@ -63,5 +67,6 @@ def _reference(name: str) -> str:
     """Documentation of the names that a package exports."""
     package = importlib.import_module(name)
     listed = sorted(package.__all__, key=str.lower)
-    head = f"# `{name}`\n\n::: {name}\n    options:\n      show_root_heading: false\n"
-    return f"{head}      members: {listed}\n"
+    examples = (ROOT / "docs" / "examples" / f"{name}.md").read_text("utf-8")
+    head = f"# `{name}`\n\n## Examples\n\n{examples}\n## Names\n\n::: {name}\n"
+    return f"{head}    options:\n      show_root_heading: false\n      members: {listed}\n"

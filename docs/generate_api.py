@@ -38,14 +38,23 @@ KINDS = ("Functions", "Classes", "Errors", "Constants")
 
 def page() -> str:
     """The text of the page."""
-    listed, parts = set(), [HEAD]
-    for name in PACKAGES:
+    parts = [HEAD]
+    for name, new in new_names().items():
         package = importlib.import_module(name)
-        new = [n for n in package.__all__ if id(getattr(package, n)) not in listed]
-        listed |= {id(getattr(package, n)) for n in new}
-        parts.append(f"## `{name}`\n\n{_summary(package)}\n")
+        summary = f"{_summary(package)} [Examples](examples/{name}.md)."
+        parts.append(f"## `{name}`\n\n{summary}\n")
         parts += [_table(kind, package, new) for kind in KINDS]
     return "\n".join(part for part in parts if part)
+
+
+def new_names() -> dict[str, list[str]]:
+    """For each package, its public names that no package above it has."""
+    listed, found = set(), {}
+    for name in PACKAGES:
+        package = importlib.import_module(name)
+        found[name] = [n for n in package.__all__ if id(getattr(package, n)) not in listed]
+        listed |= {id(getattr(package, n)) for n in found[name]}
+    return found
 
 
 def _table(kind: str, package, names: list[str]) -> str:
