@@ -8,8 +8,9 @@
   without coupling.
 
 The last two also use the articulated solve while no coupling contact is active in any environment
-of the batch. All vectors are in the order of the tree with compound joints
-(`jaxsim.model.compound`), which has fewer links.
+of the batch. If tendons have armature, M itself couples links, and solves with it are dense. All
+vectors are in the order of the tree with compound joints (`jaxsim.model.compound`), which has fewer
+links.
 """
 
 import functools
@@ -37,6 +38,7 @@ from jaxsim.dynamics.crba import composite_matrix
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.dynamics.rnea import tree_force
+from jaxsim.dynamics.tendon_inertia import has_tendon_inertia, tendon_inertia
 from jaxsim.dynamics.tree import accumulate_outward
 from jaxsim.model import Model
 from jaxsim.model.dof_order import to_compound_order
@@ -80,6 +82,7 @@ class TreeOperator:
       cdof: motion axes.
       inertia: inertias of the links.
       armature: armature of the degrees of freedom.
+      coupling: what armature of tendons adds to M; None if there is none.
       jacobians: Jacobian of each block.
       tree: the tree with compound joints, static.
       strategy: method of `solve`, one of `STRATEGIES`, static.
@@ -89,6 +92,7 @@ class TreeOperator:
     cdof: Float[Array, "nv c"]
     inertia: Inertia | RestrictedInertia
     armature: Float[Array, "nv"]
+    coupling: Float[Array, "nv nv"] | None
     jacobians: tuple[Jacobian, ...]
     tree: Forest = struct.field(pytree_node=False)
     strategy: str = struct.field(pytree_node=False)
@@ -115,11 +119,14 @@ class TreeOperator:
     def inner(self, y1: TreePoint, y2: TreePoint) -> Float[Array, ""]:
         """`x1^T M x2`, as a sum over links."""
         links = jnp.einsum("ij,ij->i", y1.a, y2.p)
-        return jnp.sum(links) + jnp.sum(self.armature * y1.x * y2.x)
+        total = jnp.sum(links) + jnp.sum(self.armature * y1.x * y2.x)
+        return total if self.coupling is None else total + y1.x @ self.coupling @ y2.x
 
     def residual(self, y: TreePoint, forces: Rows) -> Float[Array, "nv"]:
         """`J^T f - M x`."""
-        return self._on_dofs(forces, -self.armature * y.x, -y.p)
+        own = -self.armature * y.x
+        own = own if self.coupling is None else own - self.coupling @ y.x
+        return self._on_dofs(forces, own, -y.p)
 
     def pull(self, forces: Rows) -> Float[Array, "nv"]:
         """`J^T f`."""
@@ -134,6 +141,8 @@ class TreeOperator:
 
     def unconstrained(self, r: Float[Array, "nv"]) -> TreePoint:
         """`M^-1 r`, lifted."""
+        if self.coupling is not None:
+            return self.lift(cho_solve((factor(self._matrix(())), True), r))
         return self._solve_with((), r)
 
     def solve(self, curvatures: Rows, r: Float[Array, "nv"]) -> tuple[TreePoint, LinearStatus]:
@@ -158,7 +167,8 @@ class TreeOperator:
         return self.lift_known(*articulated_solve(self.tree, self.cdof, matrix, diagonal, r))
 
     def _solve_dense(self, curvatures: Rows, r) -> tuple[TreePoint, LinearStatus]:
-        x = cho_solve((factor(self._hessian(curvatures)), True), r)
+        pairs = zip(self.jacobians, curvatures, strict=True)
+        x = cho_solve((factor(self._matrix(pairs)), True), r)
         return self.lift(x), LinearStatus()
 
     def _solve_iteratively(self, curvatures: Rows, r) -> tuple[TreePoint, LinearStatus]:
@@ -170,13 +180,14 @@ class TreeOperator:
         tolerance = _CG_ROUNDING * float(jnp.finfo(r.dtype).eps)
         return pcg_solve(self, curvatures, r, precondition, tolerance, _CG_ITERATIONS)
 
-    def _hessian(self, curvatures: Rows) -> Float[Array, "nv nv"]:
+    def _matrix(self, pairs: Iterable[tuple[Jacobian, Array]]) -> Float[Array, "nv nv"]:
         """The matrix `M + J^T W J`; rows that couple are `DenseRows`, see `make_operator`."""
-        pairs = list(zip(self.jacobians, curvatures, strict=True))
+        pairs = list(pairs)
         coupled = [(J, W) for J, W in pairs if isinstance(J, DenseRows)]
         others = [(J, W) for J, W in pairs if not isinstance(J, DenseRows)]
         matrix, diagonal = self._uncoupled(others)
         H = composite_matrix(self.tree, self.cdof, RestrictedInertia(matrix), diagonal)
+        H = H if self.coupling is None else H + self.coupling
         for J, W in coupled:
             H = add_products(H, J.J, W, rarely=self.occasional)
         return H
@@ -206,9 +217,20 @@ def make_operator(
     inertia = jax.vmap(lambda inertia: restrict_inertia(components, inertia))(inertia)
     armature = to_compound_order(model, dof_armature(model))
     coupled = {block.type for block in blocks if block.jacobian.coupled}
-    occasional = coupled == {RowType.CONTACT}
-    tree = compound.tree
-    return TreeOperator(cdof, inertia, armature, tuple(jacobians), tree, strategy, occasional)
+    coupling = None
+    if has_tendon_inertia(model):
+        coupling = tendon_inertia(model, kin)
+        coupling = to_compound_order(model, to_compound_order(model, coupling).T)
+    return TreeOperator(
+        cdof,
+        inertia,
+        armature,
+        coupling,
+        tuple(jacobians),
+        tree=compound.tree,
+        strategy=strategy,
+        occasional=coupled == {RowType.CONTACT} and coupling is None,
+    )
 
 
 def factor(H: Float[Array, "n n"]) -> Float[Array, "n n"]:

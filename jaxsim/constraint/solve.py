@@ -20,6 +20,7 @@ from jaxsim.constraint.limit import limit_blocks
 from jaxsim.constraint.noslip import PASSES, without_slip
 from jaxsim.constraint.operators import TreeOperator, make_operator
 from jaxsim.dynamics.motion import Motion
+from jaxsim.dynamics.tendon_inertia import has_tendon_inertia
 from jaxsim.forces.damper import damps_dofs, dof_damping_slope
 from jaxsim.model import Model, ModelError
 from jaxsim.model.dof_order import from_compound_order, to_compound_order
@@ -227,16 +228,17 @@ def _with_nan_unless(finite: Bool[Array, ""], found: Constrained) -> Constrained
 def choose_strategy(model: Model, blocks: list[Block]) -> str:
     """The strategy of the Newton step: `Model.hessian`, or for "auto" one that fits the rows.
 
-    "auto" is articulated if no row couples two moving links, else dense for few degrees of freedom
-    and iterative for many.
+    "auto" is articulated if neither rows nor armature of tendons couple two moving links, else
+    dense for few degrees of freedom and iterative for many.
 
     Raises:
-      ModelError: `Model.hessian` is "articulated", but some rows couple moving links.
+      ModelError: `Model.hessian` is "articulated", but something couples moving links.
     """
-    coupled = [block.type.value for block in blocks if block.jacobian.coupled]
+    coupled = [f"{block.type.value} rows" for block in blocks if block.jacobian.coupled]
+    coupled += ["tendons with armature"] if has_tendon_inertia(model) else []
     if model.hessian == "articulated" and coupled:
         raise ModelError(
-            f"{coupled[0]} rows couple degrees of freedom beyond the tree, which "
+            f"{coupled[0]} couple degrees of freedom beyond the tree, which "
             "hessian='articulated' cannot solve; load the model with 'auto', 'dense' or 'iterative'"
         )
     if model.hessian != "auto":

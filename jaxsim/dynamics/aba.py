@@ -10,9 +10,11 @@ from jaxtyping import Array, Float
 
 from jaxsim.arrays.precision import full_precision
 from jaxsim.dynamics.components import motion_components, restrict, restrict_matrix
+from jaxsim.dynamics.crba import composite_mass_matrix
 from jaxsim.dynamics.kinematics import Kinematics, kinematics
 from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.dynamics.rnea import qfrc_bias
+from jaxsim.dynamics.tendon_inertia import has_tendon_inertia
 from jaxsim.dynamics.tree import inward, outward
 from jaxsim.dynamics.velocity import velocities
 from jaxsim.model import Model
@@ -51,7 +53,9 @@ def forward_dynamics(
 
 
 def solve_mass(model: Model, kin: Kinematics, force: Float[Array, "nv"]) -> Float[Array, "nv"]:
-    """`M^-1 force`, armature included."""
+    """`M^-1 force`, armature included; in O(n) unless tendons have armature."""
+    if has_tendon_inertia(model):
+        return jnp.linalg.solve(composite_mass_matrix(model, kin), force)
     matrices = jax.vmap(lambda inertia: inertia.as_matrix())(kin.inertia)
     return solve_articulated(model, kin.cdof, matrices, dof_armature(model), force)
 

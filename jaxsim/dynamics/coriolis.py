@@ -24,6 +24,8 @@ from jaxsim.spatial import Inertia, ad, cross_motion, skew
 def coriolis_matrix(model: Model, kin: Kinematics, vel: Velocities) -> Float[Array, "nv nv"]:
     """C with `C qvel + gravity force = qfrc_bias`, and `dM/dt = C + C^T`.
 
+    Armature of tendons is left out of all three.
+
     Args:
       model: the model.
       kin: its kinematics.

@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 from jaxsim.arrays.precision import full_precision
 from jaxsim.dynamics.kinematics import Kinematics, kinematics
 from jaxsim.dynamics.reflected import dof_armature
+from jaxsim.dynamics.tendon_inertia import has_tendon_inertia, tendon_inertia
 from jaxsim.dynamics.tree import inward
 from jaxsim.model import Model
 from jaxsim.model.dof_order import from_tree_order, to_tree_order
@@ -37,6 +38,12 @@ def mass_matrix(model: Model, qpos: Float[Array, "nq"]) -> Float[Array, "nv nv"]
 
 def composite_mass_matrix(model: Model, kin: Kinematics) -> Float[Array, "nv nv"]:
     """The mass matrix in MuJoCo's order, from kinematics."""
+    mass = tree_mass_matrix(model, kin)
+    return mass + tendon_inertia(model, kin) if has_tendon_inertia(model) else mass
+
+
+def tree_mass_matrix(model: Model, kin: Kinematics) -> Float[Array, "nv nv"]:
+    """The mass matrix of the links and joints, without tendons' armature."""
     armature = to_tree_order(model, dof_armature(model))
     mass = composite_matrix(model.tree, kin.cdof, kin.inertia, armature)
     return from_tree_order(model, from_tree_order(model, mass).T)

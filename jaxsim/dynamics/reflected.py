@@ -20,6 +20,12 @@ def dof_armature(model: Model) -> Float[Array, "nv"]:
     return model.dof_armature + _on_dofs(model, model.actuator_armature)
 
 
+def tendon_armature(model: Model) -> Float[Array, "ntendon"]:
+    """Armature of each tendon with that of its actuators (kg)."""
+    motors = _on_targets(model, model.actuator_armature, _TENDON, model.ntendon)
+    return model.tendon_armature + motors
+
+
 def dof_damping(model: Model) -> tuple[Float[Array, "nv"], Float[Array, "nv npoly"]]:
     """Linear and polynomial damping of each degree of freedom with that of its actuators."""
     return (

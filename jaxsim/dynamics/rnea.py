@@ -15,6 +15,7 @@ from jaxsim.arrays.indexing import sum_by, take
 from jaxsim.arrays.precision import full_precision
 from jaxsim.dynamics.kinematics import Kinematics, kinematics
 from jaxsim.dynamics.reflected import dof_armature
+from jaxsim.dynamics.tendon_inertia import has_tendon_inertia, tendon_bias, tendon_inertia
 from jaxsim.dynamics.tree import accumulate_inward, accumulate_outward
 from jaxsim.dynamics.velocity import Velocities, velocities
 from jaxsim.model import Model
@@ -49,13 +50,28 @@ def inverse_dynamics(
     qvel = admit_array(model, qvel, (model.nv,), "qvel")
     qacc = admit_array(model, qacc, (model.nv,), "qacc")
     kin = kinematics(model, qpos)
-    vel = velocities(model, kin, qvel)
+    return inertial_force(model, kin, velocities(model, kin, qvel), qacc)
+
+
+def inertial_force(
+    model: Model, kin: Kinematics, vel: Velocities, qacc: Float[Array, "nv"]
+) -> Float[Array, "nv"]:
+    """`M qacc + qfrc_bias`."""
     force = link_forces(model, kin, vel, link_accelerations(model, kin, vel, qacc))
-    return generalized_force(model, kin, force) + dof_armature(model) * qacc
+    total = generalized_force(model, kin, force) + dof_armature(model) * qacc
+    if not has_tendon_inertia(model):
+        return total
+    return total + tendon_inertia(model, kin) @ qacc + tendon_bias(model, kin, vel)
 
 
 def qfrc_bias(model: Model, kin: Kinematics, vel: Velocities) -> Float[Array, "nv"]:
     """Coriolis, centrifugal and gravity forces: `M qacc + qfrc_bias` is the sum of all others."""
+    total = link_bias(model, kin, vel)
+    return total + tendon_bias(model, kin, vel) if has_tendon_inertia(model) else total
+
+
+def link_bias(model: Model, kin: Kinematics, vel: Velocities) -> Float[Array, "nv"]:
+    """`qfrc_bias` of the links alone, without tendons' armature."""
     force = link_forces(model, kin, vel, link_accelerations(model, kin, vel))
     return generalized_force(model, kin, force)
 

@@ -52,6 +52,23 @@ def spatial_paths(
       model: the model.
       kin: its kinematics; only poses and motion axes are read.
     """
+    lengths, wrenches, pairs = unit_wrenches(model, kin)
+    return lengths, _rows(model, kin, wrenches, pairs)
+
+
+def unit_wrenches(
+    model: Model, kin: "Kinematics"
+) -> tuple[Float[Array, "ntendon"], Float[Array, "m 6"], np.ndarray]:
+    """Lengths of all tendons, and wrenches on links of unit forces that lengthen spatial tendons.
+
+    Args:
+      model: the model.
+      kin: its kinematics.
+
+    Returns:
+      The lengths (zero for fixed tendons), the wrenches about the reference points of the links'
+      trees, and the (m, 2) tendon and link of each; link -1 never moves.
+    """
     kinds, dtype = segments(model), kin.cdof.dtype
     lengths, wrenches = [jnp.zeros(0, dtype)], [jnp.zeros((0, 6), dtype)]
     tendons, pairs = [np.zeros(0, int)], [np.zeros((0, 2), int)]
@@ -64,7 +81,7 @@ def spatial_paths(
             wrenches.append(share[:, None] * wrench)
             pairs.append(np.stack([group.tendon, model.body_link[body]], axis=1))
     total = sum_by(jnp.concatenate(lengths), np.concatenate(tendons), model.ntendon)
-    return total, _rows(model, kin, jnp.concatenate(wrenches), np.concatenate(pairs))
+    return total, jnp.concatenate(wrenches), np.concatenate(pairs)
 
 
 def _pulls(model: Model, kin: "Kinematics", group: Segments) -> Pull:

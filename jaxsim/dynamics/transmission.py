@@ -22,6 +22,7 @@ from jaxsim.spatial import quat_difference, quat_mul, quat_normalize
 JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
 JOINTINPARENT = int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)
 TENDON = int(mujoco.mjtTrn.mjTRN_TENDON)
+SLIDERCRANK = int(mujoco.mjtTrn.mjTRN_SLIDERCRANK)
 SITE = int(mujoco.mjtTrn.mjTRN_SITE)
 BODY = int(mujoco.mjtTrn.mjTRN_BODY)
 
@@ -135,11 +136,14 @@ def _tendons(model: Model, kin: Kinematics, ids: np.ndarray):
 
 
 def _one(model: Model, kin: Kinematics, qpos, i: int):
-    """Length and moment of one actuator of a site or of a joint with several degrees of freedom."""
+    """Length and moment of one actuator of sites or of a joint with several degrees of freedom."""
     kind, gear = int(model.actuator_trntype[i]), model.actuator_gear[i]
     target, reference = (int(k) for k in model.actuator_trnid[i])
     if kind == BODY:  # what its contacts give it is added in `forces`
         return jnp.zeros_like(gear[0]), jnp.zeros(model.nv, gear.dtype)
+    if kind == SLIDERCRANK:
+        rod = model.actuator_cranklength[i]
+        return _slider_crank(model, kin, gear[0], rod, target, reference)
     if kind == SITE and reference < 0:
         return jnp.zeros_like(gear[0]), _site_row(model, kin, gear, target, kin.site_xmat[target])
     if kind == SITE:
@@ -161,6 +165,26 @@ def _site_pair(model: Model, kin: Kinematics, gear, site: int, reference: int):
     links = model.body_link[model.site_bodyid[[site, reference]]]
     both = (model.tree.moves[links[0]] & model.tree.moves[links[1]])[model.structure.dof_position]
     return length, jnp.where(both, 0, rows[0] - rows[1])
+
+
+def _slider_crank(model: Model, kin: Kinematics, gear, rod, crank: int, slider: int):
+    """Length and moment of an actuator that moves the end of a rod along a site's z axis.
+
+    The rod's other end is at the site `crank`: the length x along the axis a solves
+    `|d - x a| = rod`, where d points from the slider's site to the crank. Where the rod is too
+    short, x is, as in MuJoCo, `d . a`.
+    """
+    axis, d = kin.site_xmat[slider, :, 2], kin.site_xpos[crank] - kin.site_xpos[slider]
+    along = d @ axis
+    square = along * along + rod * rod - d @ d
+    reaches = square > 0
+    height = jnp.sqrt(jnp.where(reaches, square, 1.0))
+    share = jnp.where(reaches, 1 - along / height, 1.0)
+    by_d = share * axis + jnp.where(reaches, d / height, 0)
+    jacp, _ = site_jacobian(model, kin, crank)
+    base, turning = site_jacobian(model, kin, slider)
+    moment = by_d @ (jacp - base) + jnp.cross(axis, share * d) @ turning
+    return gear * (along - jnp.where(reaches, height, 0)), gear * moment
 
 
 def _site_row(model: Model, kin: Kinematics, gear, site: int, mat):

@@ -21,6 +21,7 @@ from jaxsim.dynamics.rnea import (
     link_forces,
     wrench_on_links,
 )
+from jaxsim.dynamics.tendon_inertia import has_tendon_inertia, tendon_bias
 from jaxsim.engine.instant import Instant
 from jaxsim.engine.integrators import INTEGRATORS, Step
 from jaxsim.engine.status import Status
@@ -95,6 +96,8 @@ def evaluate(model: Model, state: State, ctrl: Float[Array, "nu"] | None) -> Ins
     # One sum over the tree for both the applied and the inertial wrenches.
     on_links = generalized_force(model, kin, applied_wrench(motion, state) - inertial)
     total = passive.qfrc_passive + actuators.qfrc_actuator + state.qfrc_applied + on_links
+    if has_tendon_inertia(model):
+        total = total - tendon_bias(model, kin, vel)
     found = constrained_acceleration(motion, touching, total, state.qacc_warmstart)
     return Instant(motion, passive, actuators, inertial, total, found)
 

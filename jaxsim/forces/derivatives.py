@@ -12,7 +12,7 @@ from flax import struct
 from jaxtyping import Array, Float
 
 from jaxsim.dynamics.kinematics import Kinematics
-from jaxsim.dynamics.rnea import generalized_force, qfrc_bias
+from jaxsim.dynamics.rnea import generalized_force, link_bias
 from jaxsim.dynamics.tendon import tendon_jacobian
 from jaxsim.dynamics.transmission import scalar_actuators, scalar_damping
 from jaxsim.dynamics.velocity import Velocities, velocities
@@ -71,9 +71,7 @@ def smooth_damping(
     drag = link_drag(model, kin, vel) if has_fluid(model) else None
     if dense is not None:
         # As in MuJoCo, entries for joints on different branches of the tree are dropped.
-        moves = model.tree.moves[model.tree.dof_node][:, model.structure.dof_position]
-        related = moves[model.structure.dof_position]
-        dense = jnp.where(related | related.T, dense, 0)
+        dense = jnp.where(model.structure.related_dofs, dense, 0)
     return Damping(diagonal=diagonal, link_matrix=drag, dense=dense)
 
 
@@ -96,8 +94,11 @@ def damping_matrix(model: Model, kin: Kinematics, damping: Damping) -> Float[Arr
 def bias_derivative(
     model: Model, kin: Kinematics, qvel: Float[Array, "nv"]
 ) -> Float[Array, "nv nv"]:
-    """`d qfrc_bias / d qvel`, from Coriolis and centrifugal forces; not symmetric."""
-    return jax.jacfwd(lambda v: qfrc_bias(model, kin, velocities(model, kin, v)))(qvel)
+    """`d qfrc_bias / d qvel`, from Coriolis and centrifugal forces; not symmetric.
+
+    As in MuJoCo, without the bias of tendons' armature.
+    """
+    return jax.jacfwd(lambda v: link_bias(model, kin, velocities(model, kin, v)))(qvel)
 
 
 def smooth_velocity_derivative(

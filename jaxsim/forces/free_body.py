@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 from jaxsim.arrays.indexing import take
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.reflected import dof_armature
+from jaxsim.dynamics.tendon_inertia import has_tendon_inertia, tendon_inertia
 from jaxsim.forces.derivatives import Damping
 from jaxsim.joints import JOINTS, Joint
 from jaxsim.model import Model
@@ -55,7 +56,9 @@ def _solve(model: Model, kin: Kinematics, joint: Joint, links: np.ndarray, qvel,
     h = model.opt.timestep
     dofs = _dofs(joint, model.jnt_dofadr[model.tree.order[links]])
     extra = damping.dense
-    extra = jnp.zeros((model.nv, model.nv), qvel.dtype) if extra is None else extra
+    extra = jnp.zeros((model.nv, model.nv), qvel.dtype) if extra is None else h * extra
+    if has_tendon_inertia(model):
+        extra = extra + tendon_inertia(model, kin)
     drag = damping.link_matrix
     drag = jnp.zeros((model.njnt, 6, 6), qvel.dtype) if drag is None else drag
     diagonal = dof_armature(model) + h * damping.diagonal
@@ -63,7 +66,7 @@ def _solve(model: Model, kin: Kinematics, joint: Joint, links: np.ndarray, qvel,
     def one(dof, axes, inertia, drag):
         bias = jax.jacfwd(lambda v: _bias(joint, inertia, axes, v))(qvel[dof])
         matrix = axes @ (inertia.as_matrix() + h * drag) @ axes.T + jnp.diag(diagonal[dof])
-        return jnp.linalg.solve(matrix + h * (bias + extra[dof][:, dof]), force[dof])
+        return jnp.linalg.solve(matrix + h * bias + extra[dof][:, dof], force[dof])
 
     axes = take(kin.cdof, _dofs(joint, model.tree.dof_start[links]).ravel())
     inertia = jax.tree.map(lambda a: take(a, links), kin.inertia)

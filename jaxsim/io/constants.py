@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 from jaxsim.arrays.indexing import take
 from jaxsim.arrays.precision import full_precision
 from jaxsim.dynamics.aba import solve_mass
-from jaxsim.dynamics.crba import composite_mass_matrix
+from jaxsim.dynamics.crba import tree_mass_matrix
 from jaxsim.dynamics.jacobian import body_jacobians
 from jaxsim.dynamics.kinematics import Kinematics, kinematics
 from jaxsim.dynamics.tendon import tendon_jacobian
@@ -48,7 +48,7 @@ def set_const(model: Model) -> Model:
     """
     model = admit_model(model)
     kin = kinematics(model, model.qpos0)
-    mass = composite_mass_matrix(model, kin)
+    mass = tree_mass_matrix(model, kin)
     inverse = jax.vmap(lambda force: solve_mass(model, kin, force))
     model = model.replace(
         body_subtreemass=_subtree_masses(model),
@@ -56,6 +56,7 @@ def set_const(model: Model) -> Model:
         dof_invweight0=_dof_weights(
             model, jnp.diagonal(inverse(jnp.eye(model.nv, dtype=mass.dtype)))
         ),
+        # As in MuJoCo, without tendons' armature.
         dof_M0=jnp.diagonal(mass),
         eq_data=_equality_poses(model, kin),
     )

@@ -1,5 +1,7 @@
 """Check that the mass matrix of a model is invertible."""
 
+import copy
+
 import mujoco
 import numpy as np
 
@@ -34,20 +36,33 @@ def check_mass_matrix(mj: mujoco.MjModel, label: Label) -> None:
 def _mass_matrix(mj: mujoco.MjModel) -> np.ndarray:
     """`sum_b m J_b^T J_b + W_b^T I_b W_b` over all bodies, plus what MuJoCo adds to the diagonal.
 
+    Armature of tendons is included.
+
     For bodies with `body_simple`, MuJoCo's own matrix leaves out entries that it takes for zero;
     they are not zero for two slides along one axis.
     """
     data = mujoco.MjData(mj)
     mujoco.mj_kinematics(mj, data)
     mujoco.mj_comPos(mj, data)
-    mujoco.mj_makeM(mj, data)
+    mujoco.mj_tendon(mj, data)
     matrix, moving, turning = (np.zeros((n, mj.nv)) for n in (mj.nv, 3, 3))
-    mujoco.mj_fullM(mj, data, matrix)
-    diagonal = matrix.diagonal().copy()
-    matrix[:] = 0
+    diagonal = _compiled(mj, data).diagonal().copy()
+    if mj.ntendon:
+        bare = copy.copy(mj)
+        bare.tendon_armature[:] = 0
+        bare.actuator_armature[:] = 0
+        matrix += _compiled(mj, data) - _compiled(bare, data)
     for b in np.nonzero(mj.body_mass)[0]:
         mujoco.mj_jacBodyCom(mj, data, moving, turning, b)
         turned = data.ximat[b].reshape(3, 3).T @ turning
         matrix += mj.body_mass[b] * moving.T @ moving + turned.T * mj.body_inertia[b] @ turned
     np.fill_diagonal(matrix, diagonal)
+    return matrix
+
+
+def _compiled(mj: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+    """MuJoCo's own mass matrix."""
+    matrix = np.zeros((mj.nv, mj.nv))
+    mujoco.mj_makeM(mj, data)
+    mujoco.mj_fullM(mj, data, matrix)
     return matrix

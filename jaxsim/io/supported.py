@@ -43,7 +43,7 @@ _CHOICES = (
     _Choice("jnt_type", "joint", "type", "mjtJoint", "FREE BALL SLIDE HINGE"),
     _Choice(
         *("actuator_trntype", "actuator", "transmission", "mjtTrn"),
-        "JOINT JOINTINPARENT TENDON SITE BODY",
+        "JOINT JOINTINPARENT SLIDERCRANK TENDON SITE BODY",
     ),
     _Choice(
         *("actuator_dyntype", "actuator", "dyntype", "mjtDyn"),
@@ -103,16 +103,13 @@ def _options(mj: mujoco.MjModel) -> Iterator[ModelProblem]:
 
 def _attributes(mj: mujoco.MjModel) -> tuple[tuple[str, str, np.ndarray, str], ...]:
     """Attributes that must be zero: kind of element, MJCF's name, values, remedy."""
-    remove, joints = "remove the attribute", "put armature on the joints"
-    on_tendon = mj.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON
+    remove = "remove the attribute"
     return (
         ("actuator", "delay", mj.actuator_delay, remove),
         ("actuator", "more than one control", mj.actuator_ctrlnum - 1, "use one each"),
-        ("actuator", "armature of a tendon's actuator", mj.actuator_armature * on_tendon, joints),
         ("geom", "surfacevel", mj.geom_surfacevel, remove),
         ("geom", "adhesion", mj.geom_adhesion, remove),
         ("pair", "adhesion", mj.pair_adhesion, remove),
-        ("tendon", "armature", mj.tendon_armature, joints),
         ("sensor", "delay", mj.sensor_delay, remove),
         ("sensor", "interval", mj.sensor_interval, remove),
     )

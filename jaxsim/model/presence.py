@@ -17,9 +17,11 @@ _AXES = {
     "opt.viscosity": (),
     "body_gravcomp": ("nbody",),
     "dof_frictionloss": ("nv",),
+    "tendon_armature": ("ntendon",),
     "tendon_damping": ("ntendon",),
     "tendon_dampingpoly": ("ntendon", "npoly"),
     "tendon_frictionloss": ("ntendon",),
+    "actuator_armature": ("nu",),
     "actuator_damping": ("nu",),
     "actuator_dampingpoly": ("nu", "npoly"),
 }

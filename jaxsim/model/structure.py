@@ -150,6 +150,12 @@ class Structure:
         return np.argsort(self.dof_order)
 
     @functools.cached_property
+    def related_dofs(self) -> np.ndarray:
+        """(nv, nv) whether one of two degrees of freedom moves the other's link."""
+        moves = self.tree.moves[self.tree.dof_node][:, self.dof_position][self.dof_position]
+        return moves | moves.T
+
+    @functools.cached_property
     def compound(self) -> Compound:
         """The link tree with all joints of a body merged into one."""
         return Compound.of(self.tree, self.link_first)

@@ -13,6 +13,7 @@ from jaxsim.arrays.polynomial import spring_energy
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.dynamics.rnea import gravity
+from jaxsim.dynamics.tendon_inertia import has_tendon_inertia, tendon_inertia
 from jaxsim.dynamics.velocity import Velocities
 from jaxsim.joints import Joint
 from jaxsim.joints.grouping import per_joint, position_rows
@@ -26,7 +27,10 @@ def kinetic_energy(
 ) -> Float[Array, ""]:
     """`qvel . M qvel / 2` in joules, armature included, computed as a sum over the links."""
     links = jax.vmap(lambda inertia, v: inertia.kinetic_energy(v))(kin.inertia, vel.cvel)
-    return links.sum() + 0.5 * (dof_armature(model) * qvel**2).sum()
+    energy = links.sum() + 0.5 * (dof_armature(model) * qvel**2).sum()
+    if not has_tendon_inertia(model):
+        return energy
+    return energy + 0.5 * qvel @ tendon_inertia(model, kin) @ qvel
 
 
 def potential_energy(model: Model, kin: Kinematics, qpos: Float[Array, "nq"]) -> Float[Array, ""]:

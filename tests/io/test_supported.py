@@ -34,15 +34,7 @@ GEOMS = {
     'adhesion="1"': "geom 'ball': adhesion .* remove",
 }
 
-FIXED = '<tendon><fixed name="cable"{}><joint joint="hinge" coef="1"/></fixed></tendon>'
-
 ELEMENTS = {
-    FIXED.format(' armature="1"'): "tendon 'cable': armature .* joints",
-    FIXED.format("") + '<actuator><motor name="m" tendon="cable" armature="1"/></actuator>': (
-        "actuator 'm': armature of a tendon's actuator .* joints"
-    ),
-    """<actuator><general name="m" cranksite="tip" slidersite="anchor" cranklength="1"/>
-       </actuator>""": "actuator 'm': transmission 'cranksite' .* joint, jointinparent",
     '<actuator><general name="m" joint="hinge" dyntype="user" actdim="1"/></actuator>': (
         "actuator 'm': dyntype 'user' .* none, integrator, filter"
     ),

@@ -28,9 +28,11 @@ VALUES = {
     "opt.viscosity": 0.7,
     "body_gravcomp": [0, 0.3, 0.6],
     "dof_frictionloss": [0.4, 0.2],
+    "tendon_armature": [0.6],
     "tendon_damping": [0.8],
     "tendon_dampingpoly": [[0.3, 0.1]],
     "tendon_frictionloss": [0.5],
+    "actuator_armature": [0.3, 0.4],
     "actuator_damping": [0.2, 0.7],
     "actuator_dampingpoly": [[0.1, 0.2], [0.3, 0.1]],
 }
