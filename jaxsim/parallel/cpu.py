@@ -3,6 +3,7 @@
 They affect the whole process, so a library must not make them without being asked.
 """
 
+import importlib.util
 import os
 
 import jax
@@ -12,7 +13,10 @@ import jax
 _OPTIONS, _NO_UNROLLING = "--xla_backend_extra_options=", "xla_cpu_disable_loop_unrolling"
 
 
-def configure_cpu(cores: int | None = None) -> None:
+_uses_lanes = False
+
+
+def configure_cpu(cores: int | None = None, *, lanes: bool = False) -> None:
     """Prepare JAX for batches on a CPU; to be called once, before JAX is used.
 
     Every core becomes a device, because XLA's own threads cost more than they gain in programs of
@@ -22,11 +26,17 @@ def configure_cpu(cores: int | None = None) -> None:
 
     Args:
       cores: number of cores to use; by default all on which this process may run.
+      lanes: whether `batch_rollout` runs a step as one kernel of `jaxsim.lanes` instead of XLA's;
+        needs the extra `lanes`. The numbers of a model are then part of its program.
 
     Raises:
       ValueError: fewer than one core.
+      ImportError: lanes are asked for, and llvmlite is not installed.
       RuntimeError: JAX was used before.
     """
+    global _uses_lanes
+    if lanes and importlib.util.find_spec("llvmlite") is None:
+        raise ImportError("configure_cpu(lanes=True) needs llvmlite: pip install llvmlite")
     cores = _available() if cores is None else cores
     if cores < 1:
         raise ValueError(f"cores must be at least 1, got {cores}")
@@ -37,8 +47,14 @@ def configure_cpu(cores: int | None = None) -> None:
             "configure_cpu comes too late: JAX has been used in this process; call it right after "
             "the imports, before anything that makes an array or loads a model"
         ) from error
+    _uses_lanes = lanes
     if not keeps_loops():
         os.environ["XLA_FLAGS"] = _with_option(os.environ.get("XLA_FLAGS", ""))
+
+
+def uses_lanes() -> bool:
+    """Whether rollouts run as kernels of `jaxsim.lanes`."""
+    return _uses_lanes
 
 
 def keeps_loops() -> bool:

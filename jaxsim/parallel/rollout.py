@@ -16,10 +16,12 @@ from jaxsim.batching.mapping import vmap
 from jaxsim.dynamics.components import motion_components
 from jaxsim.engine.status import Status
 from jaxsim.engine.stepping import scan_steps, step_with_status
+from jaxsim.lanes import as_kernel
 from jaxsim.model import Model, State
-from jaxsim.model.facts import Constants
+from jaxsim.model.facts import Constants, Frozen
 from jaxsim.model.inputs import admit, admit_array, admit_model
 from jaxsim.parallel.chunks import chunk_lanes, map_chunks
+from jaxsim.parallel.cpu import uses_lanes
 from jaxsim.parallel.devices import EVERYWHERE, SPLIT, device_mesh, everywhere, parallel, split
 
 
@@ -66,8 +68,11 @@ def batch_rollout(
     states, ctrls = split(jax.tree.map(pad, (states, ctrls)), mesh)
     if is_traced(ctrls):  # within `jax.jit` everything is
         return _asked_for(alone(), observe, status)
-    run = _compiled(observe, status, mesh, Constants.of(model, motion_components.leaves))
-    found = run(everywhere(model, mesh), states, ctrls)
+    if uses_lanes() and jax.default_backend() == "cpu":
+        found = _compiled_lanes(observe, status, mesh, Frozen.of(model))(states, ctrls)
+    else:
+        run = _compiled(observe, status, mesh, Constants.of(model, motion_components.leaves))
+        found = run(everywhere(model, mesh), states, ctrls)
     if padded > batch:
         found = jax.tree.map(lambda x: x[:batch], found)
     return _asked_for(found, observe, status)
@@ -93,6 +98,22 @@ def _compiled(observe, status: bool, mesh: Mesh, constants: Constants):
         return _on_one_device(model, run, states, ctrls, platform)
 
     return parallel(shard, mesh, (EVERYWHERE, SPLIT, SPLIT), SPLIT)
+
+
+@functools.lru_cache(maxsize=16)
+def _compiled_lanes(observe, status: bool, mesh: Mesh, frozen: Frozen):
+    """The rollout with one kernel for each step; one compilation for each model."""
+    model = frozen.model()
+
+    def advance(state, ctrl):
+        # Without a status nothing of it is an output, and nothing of it is computed.
+        found = step_with_status(model, state, ctrl)
+        return found if status else (found[0], None)
+
+    def shard(states, ctrls):
+        return vmap(_run(as_kernel(advance), observe, status))(states, ctrls)
+
+    return parallel(shard, mesh, (SPLIT, SPLIT), SPLIT)
 
 
 def _part_of_a_program(model: Model, states: State, ctrls, observe, status: bool):

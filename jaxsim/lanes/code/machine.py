@@ -1,0 +1,49 @@
+"""Machine code: LLVM through llvmlite, for the processor of this machine."""
+
+import ctypes
+import functools
+
+import llvmlite.binding as llvm
+import numpy as np
+
+
+@functools.cache
+def processor() -> tuple[str, str]:
+    """Name and features of this processor, as LLVM says them."""
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    return llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+
+
+@functools.cache
+def lanes_of(itemsize: int) -> int:
+    """Numbers of a size in one vector of this processor: 4, 8 or 16 of four bytes."""
+    features = processor()[1].split(",")
+    size = 64 if "+avx512f" in features else 32 if "+avx2" in features else 16
+    return size // itemsize
+
+
+class Compiled:
+    """Machine code that is kept as long as this object."""
+
+    def __init__(self, text: str, opt: int = 1):
+        cpu, features = processor()
+        module = llvm.parse_assembly(text)
+        module.triple = llvm.get_process_triple()
+        target = llvm.Target.from_triple(module.triple)
+        features += ",-prefer-256-bit"
+        self._machine = target.create_target_machine(
+            cpu=cpu, features=features, opt=opt, jit=True, codemodel="jitdefault"
+        )
+        self._engine = llvm.create_mcjit_compiler(module, self._machine)
+        self._engine.finalize_object()
+
+    def address(self, name: str) -> int:
+        """Where a function starts."""
+        return self._engine.get_function_address(name)
+
+
+def call_directly(address: int, arguments: list[np.ndarray], count: int) -> None:
+    """Run `@plain` of a program, for tests: pointers to all arrays, and the number of lanes."""
+    pointers = (ctypes.c_void_p * len(arguments))(*[a.ctypes.data for a in arguments])
+    ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64)(address)(pointers, count)

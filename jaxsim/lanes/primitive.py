@@ -1,0 +1,182 @@
+"""A traced function as one equation, which becomes one kernel for all lanes of a batch on a CPU.
+
+The equation carries its program, as a call of a jitted function does. Derivatives are those of the
+program, whose equations then stand in its place; on other platforms, and where the compiler does
+not know something, the program is evaluated as if it had been written there.
+"""
+
+import functools
+import warnings
+from collections.abc import Callable, Sequence
+
+import jax
+import jax.numpy as jnp
+from jax.extend import core as jex
+from jax.interpreters import ad, batching, mlir
+
+from jaxsim.batching import forms, jaxprs, registry
+from jaxsim.batching.interpret import Lanes
+
+
+def as_kernel(f: Callable) -> Callable:
+    """The same function, compiled for a CPU as one kernel where it is mapped over a batch.
+
+    It means what `f` means, under `jit`, `vmap` and derivatives. It pays for functions of some
+    hundred operations and more; the machine code stays until the process ends.
+
+    Args:
+      f: a function of pytrees of arrays, written for one element. It may close over arrays, but
+        over no values that are being traced.
+    """
+
+    @functools.wraps(f)
+    def call(*args):
+        leaves, tree = jax.tree.flatten(args)
+        kinds = [jaxprs.element(x, None) for x in leaves]
+        flat = lambda *xs: f(*jax.tree.unflatten(tree, xs))  # noqa: E731
+        traced, shapes = jax.make_jaxpr(flat, return_shape=True)(*kinds)
+        return jax.tree.unflatten(jax.tree.structure(shapes), _bind(traced, leaves))
+
+    return call
+
+
+def _bind(traced, leaves: Sequence) -> list:
+    """One equation for what is computed; results that are operands pass it by."""
+    jaxpr = traced.jaxpr
+    known = dict(zip(jaxpr.invars, leaves, strict=True))
+    for v, c in zip(jaxpr.constvars, traced.consts, strict=True):
+        known[v] = c
+    computed = [v for v in jaxpr.outvars if not isinstance(v, jex.Literal) and v not in known]
+    computed = list(dict.fromkeys(computed))
+    program = traced.replace(
+        jaxpr=jaxpr.replace(outvars=computed, debug_info=_debug(jaxpr, computed))
+    )
+    found = dict(zip(computed, lane_call_p.bind(*leaves, program=program), strict=True))
+    return [
+        jnp.asarray(v.val, v.aval.dtype) if isinstance(v, jex.Literal) else {**known, **found}[v]
+        for v in jaxpr.outvars
+    ]
+
+
+def _debug(jaxpr, computed):
+    names = ("",) * len(jaxpr.invars), ("",) * len(computed)
+    return jex.DebugInfo("kernel", "jaxsim.lanes", *names)
+
+
+def _evaluate(*xs, program):
+    return jex.jaxpr_as_fun(program)(*xs)
+
+
+def _types(*kinds, program):
+    return [jaxprs.varying_like(kind, *kinds) for kind in program.out_avals]
+
+
+def _jvp(primals, tangents, *, program):
+    moving = [type(t) is not ad.Zero for t in tangents]
+    return _partial_jvp(functools.partial(_evaluate, program=program), primals, tangents, moving)
+
+
+def _partial_jvp(f: Callable, primals, tangents, moving):
+    """Results, and their derivatives along those operands that move."""
+
+    def partial(*some):
+        rest = iter(some)
+        return f(*[next(rest) if on else x for x, on in zip(primals, moving, strict=True)])
+
+    given = [x for x, on in zip(primals, moving, strict=True) if on]
+    along = [t for t, on in zip(tangents, moving, strict=True) if on]
+    return jax.jvp(partial, given, along)
+
+
+def _batch(values, axes, *, program):
+    """`jax.vmap`: the lanes go to the end."""
+    size = next(x.shape[a] for x, a in zip(values, axes, strict=True) if a is not None)
+    moved = [x if a is None else jnp.moveaxis(x, a, -1) for x, a in zip(values, axes, strict=True)]
+    flags = tuple(a is not None for a in axes)
+    results = lane_batch_p.bind(*moved, program=program, flags=flags, size=size)
+    return results, [x.ndim - 1 for x in results]
+
+
+def _rule(lanes, eqn, values, flags):
+    """`jaxsim.vmap`: the lanes are there already."""
+    program = eqn.params["program"]
+    return lane_batch_p.bind(*values, program=program, flags=tuple(flags), size=lanes.size)
+
+
+lane_call_p = jex.Primitive("lane_call")
+lane_call_p.multiple_results = True
+lane_call_p.def_impl(jax.jit(lane_call_p.bind, static_argnames="program"))
+lane_call_p.def_abstract_eval(_types)
+ad.primitive_jvps[lane_call_p] = _jvp
+batching.primitive_batchers[lane_call_p] = _batch
+mlir.register_lowering(lane_call_p, mlir.lower_fun(_evaluate, multiple_results=True))
+registry.register("lane_call", rule=_rule)
+
+
+def _batch_types(*kinds, program, flags, size):
+    return [
+        jaxprs.varying_like(a.update(shape=(*a.shape, size)), *kinds) for a in program.out_avals
+    ]
+
+
+def _by_xla(*xs, program, flags, size):
+    """All lanes as XLA's program."""
+    lanes = Lanes(size)
+    return lanes.evaluate_full(forms.program(program), list(xs), list(flags))
+
+
+def _on_cpu(*xs, program, flags, size):
+    """All lanes as one kernel; a batch shorter than a group is filled up with its last lane."""
+    from jaxsim.lanes.compiler import kernel
+
+    try:
+        made = kernel(program, flags)
+    except (NotImplementedError, ImportError) as reason:
+        _warn(str(reason))
+        return _by_xla(*xs, program=program, flags=flags, size=size)
+    rows = max(made.width, size)
+    fill = lambda x: jnp.pad(x, [(0, 0)] * (x.ndim - 1) + [(0, rows - size)], "edge")  # noqa: E731
+    if rows > size:
+        xs = [fill(x) if on else x for x, on in zip(xs, flags, strict=True)]
+    shapes = [jax.ShapeDtypeStruct((*a.shape, rows), a.dtype) for a in program.out_avals]
+    results = jax.ffi.ffi_call(made.name, shapes)(*xs)
+    return [x[..., :size] for x in results] if rows > size else results
+
+
+@functools.cache
+def _warn(reason: str) -> None:
+    """Say, once for each reason, that a program stays with XLA."""
+    warnings.warn(f"jaxsim.lanes leaves a program to XLA: it does not know {reason}", stacklevel=2)
+
+
+def _batch_jvp(primals, tangents, **params):
+    moving = [type(t) is not ad.Zero for t in tangents]
+    return _partial_jvp(functools.partial(_by_xla, **params), primals, tangents, moving)
+
+
+def _more_lanes(values, axes, *, program, flags, size):
+    """`jax.vmap` of a batch: a longer one."""
+    more = next(x.shape[a] for x, a in zip(values, axes, strict=True) if a is not None)
+    wide, now = [], []
+    for x, axis, on in zip(values, axes, flags, strict=True):
+        now.append(on or axis is not None)
+        if axis is None and not on:
+            wide.append(x)
+            continue
+        x = x[..., None] if axis is None else jnp.moveaxis(x, axis, -1)
+        x = x if on else x[..., None, :]
+        x = jnp.broadcast_to(x, (*x.shape[:-2], size, more))
+        wide.append(x.reshape(*x.shape[:-2], size * more))
+    results = lane_batch_p.bind(*wide, program=program, flags=tuple(now), size=size * more)
+    results = [x.reshape(*x.shape[:-1], size, more) for x in results]
+    return results, [x.ndim - 1 for x in results]
+
+
+lane_batch_p = jex.Primitive("lane_batch")
+lane_batch_p.multiple_results = True
+lane_batch_p.def_impl(jax.jit(lane_batch_p.bind, static_argnames=("program", "flags", "size")))
+lane_batch_p.def_abstract_eval(_batch_types)
+ad.primitive_jvps[lane_batch_p] = _batch_jvp
+batching.primitive_batchers[lane_batch_p] = _more_lanes
+mlir.register_lowering(lane_batch_p, mlir.lower_fun(_by_xla, multiple_results=True))
+mlir.register_lowering(lane_batch_p, mlir.lower_fun(_on_cpu, multiple_results=True), platform="cpu")

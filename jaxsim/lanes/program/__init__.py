@@ -1,0 +1,1 @@
+"""The language of one lane: scalar operations, and what simplifies them."""

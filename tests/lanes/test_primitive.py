@@ -1,0 +1,104 @@
+"""A kernel among JAX's transformations: what it means is what its function means."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jax import lax
+from oracle import quick_jit
+
+import jaxsim
+from jaxsim.lanes import as_kernel, compiler, primitive
+
+RNG = np.random.default_rng(2)
+X = jnp.asarray(RNG.normal(size=(37, 3)), jnp.float32)
+
+
+def f(x):
+    """A loop that lanes leave at different times, a branch, and an index known at run time."""
+    y, count = lax.while_loop(lambda c: c[0] @ c[0] < 9, lambda c: (c[0] * 1.5, c[1] + 1), (x, 0))
+    z = lax.cond(x[0] > 0, lambda: jnp.linalg.solve(jnp.eye(3) + jnp.outer(x, x), y), lambda: -y)
+    return {"z": z, "at": x[count % 3], "same": x, "constant": jnp.float32(2)}
+
+
+def g(x):
+    return jnp.sin(x) * (x @ jnp.outer(x, x)) + lax.fori_loop(0, 3, lambda i, y: y * 0.5 + x[i], x)
+
+
+def assert_same(found, expected):
+    for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(expected), strict=True):
+        np.testing.assert_allclose(a, b, rtol=2e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize("batch", [1, 5, 37])
+@pytest.mark.parametrize("vmap", [jax.vmap, jaxsim.vmap])
+def test_batches(batch, vmap):
+    """Shorter than a group, and no multiple of one."""
+    found = quick_jit(vmap(as_kernel(f)))(X[:batch])
+    assert_same(found, jax.vmap(f)(X[:batch]))
+
+
+def test_one_call_in_the_program():
+    traced = jax.make_jaxpr(jaxsim.vmap(as_kernel(f)))(X)
+    assert [e.primitive.name for e in traced.eqns].count("lane_batch") == 1
+    text = jax.jit(jaxsim.vmap(as_kernel(f))).lower(X).as_text()
+    assert text.count("jaxsim_lanes_") == 1
+
+
+def test_alone_nested_and_in_loops():
+    def steps(x):
+        return lax.scan(lambda x, _: (as_kernel(g)(0.3 * x), x), x, None, 4)
+
+    def plain(x):
+        return lax.scan(lambda x, _: (g(0.3 * x), x), x, None, 4)
+
+    assert_same(quick_jit(as_kernel(f))(X[0]), f(X[0]))
+    assert_same(quick_jit(jaxsim.vmap(steps))(X), jax.vmap(plain)(X))
+    pairs = X[:36].reshape(6, 6, 3)
+    scaled = lambda x, s: g(x) * s  # noqa: E731
+    nested = jax.vmap(jax.vmap(as_kernel(scaled), (0, None)), (0, 0))
+    plainly = jax.vmap(jax.vmap(scaled, (0, None)), (0, 0))
+    assert_same(quick_jit(nested)(pairs, pairs[0, :, 0]), plainly(pairs, pairs[0, :, 0]))
+
+
+def test_derivatives():
+    def loss(f):
+        return lambda x: jnp.sum(jax.vmap(f)(x) ** 2)
+
+    assert_same(quick_jit(jax.grad(loss(as_kernel(g))))(X), jax.grad(loss(g))(X))
+    inside = jax.vmap(jax.jacfwd(as_kernel(g)))
+    assert_same(quick_jit(inside)(X), jax.vmap(jax.jacfwd(g))(X))
+    # What is differentiated first is one kernel as well.
+    outside = jax.vmap(as_kernel(jax.grad(lambda x: g(x).sum())))
+    assert_same(quick_jit(outside)(X), jax.vmap(jax.grad(lambda x: g(x).sum()))(X))
+
+
+def test_nan_in_nan_out():
+    """A NaN reaches what it reaches under XLA, through products with zero as well, and no more."""
+
+    def h(x):
+        return x * 0.0, x + 1, jnp.maximum(x, 0.0), jnp.minimum(0.0, x), jnp.sum(x), x > 0, x @ x
+
+    x = X.at[3, 1].set(jnp.nan).at[7].set(jnp.inf)
+    assert_same(quick_jit(jax.vmap(as_kernel(h)))(x), quick_jit(jax.vmap(h))(x))
+
+
+def test_what_is_unknown_stays_with_xla(monkeypatch):
+    def fails(*args):
+        raise NotImplementedError("this")
+
+    monkeypatch.setattr(compiler, "kernel", fails)
+    primitive._warn.cache_clear()
+    with pytest.warns(UserWarning, match="leaves a program to XLA: it does not know this"):
+        assert_same(quick_jit(jax.vmap(as_kernel(g)))(X), jax.vmap(g)(X))
+
+
+def test_equal_operations_are_made_once():
+    """Out of the loop as well, where nothing in it changes them."""
+
+    def h(x):
+        return jnp.sin(x), lax.while_loop(lambda y: y < 9, lambda y: y + jnp.sin(x) ** 2, x)
+
+    kind = jax.ShapeDtypeStruct((), jnp.float32)
+    text, _ = compiler.source(jax.make_jaxpr(h)(kind), (True,), single=True)
+    assert text.count("call float @sin_f32") == 1
