@@ -102,3 +102,35 @@ def test_equal_operations_are_made_once():
     kind = jax.ShapeDtypeStruct((), jnp.float32)
     text, _ = compiler.source(jax.make_jaxpr(h)(kind), (True,), single=True)
     assert text.count("call float @sin_f32") == 1
+
+
+def test_integers():
+    """Division, shifts and bits, at the ends as well."""
+
+    def h(a, b):
+        bits = lax.population_count(a), lax.clz(a), a & b, a ^ b, ~a
+        shifts = lax.shift_left(a, b), lax.shift_right_arithmetic(a, b)
+        logical = lax.shift_right_logical(a, b)
+        return *bits, *shifts, logical, lax.div(a, b), lax.rem(a, b), abs(a), jnp.sign(a)
+
+    ends = np.iinfo(np.int32)
+    a = jnp.asarray(np.array([0, 1, -1, 7, -7, ends.min, ends.max, 12345], np.int32))
+    b = jnp.asarray(np.array([0, 31, -1, 2, 2, -1, 40, 5], np.int32))
+    assert_same(quick_jit(jax.vmap(as_kernel(h)))(a, b), quick_jit(h)(a, b))
+
+
+def test_loops_that_begin_with_what_is_known_outside():
+    """An inner loop and a branch read values that were moved out of the loop around them."""
+
+    def inner(x, limit):
+        start = jnp.sin(x)
+        y, _ = lax.while_loop(lambda c: c[1] < limit, lambda c: (c[0] * 0.9, c[1] + 1), (start, 0))
+        return lax.cond(
+            start[0] > 0.2, lambda: jnp.linalg.solve(jnp.eye(3) + jnp.outer(y, y), start), lambda: y
+        )
+
+    def h(x):
+        wants = lambda c: c[1] < 2 + 3 * jnp.abs(x[1])  # noqa: E731
+        return lax.while_loop(wants, lambda c: (c[0] + inner(x, c[1]), c[1] + 1), (x, 0))
+
+    assert_same(quick_jit(jax.vmap(as_kernel(h)))(X), jax.vmap(h)(X))

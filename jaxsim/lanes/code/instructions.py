@@ -166,6 +166,10 @@ class Instructions:
             return [f"{out} = xor {vector} {xs[0]}, {ones}"]
         if name in ("max", "min"):
             return [self.call(out, ("s" if signed else "u") + name, kind, xs)]
+        if name == "population_count":
+            return [self.call(out, "ctpop", kind, xs)]
+        if name == "clz":
+            return [self._leading_zeros(out, kind, xs[0])]
         if name == "abs":
             negative, opposite = self.fresh(), self.fresh()
             zero = self.splat(0, kind)
@@ -178,6 +182,12 @@ class Instructions:
         if name in SHIFT:
             return self._shift(out, name, kind, xs)
         return self._quotient(out, name, kind, xs)
+
+    def _leading_zeros(self, out: str, kind: int, x: str) -> str:
+        """The second operand says that zero has all of them, and is no undefined case."""
+        vector, full = self.vector(kind), f"@llvm.ctlz.{self.suffix(kind)}"
+        self.declared[full] = f"declare {vector} {full}({vector}, i1 immarg)"
+        return f"{out} = call {vector} {full}({vector} {x}, i1 false)"
 
     def _shift(self, out: str, name: str, kind: int, xs) -> list[str]:
         """A shift by too much gives zero, or the sign."""

@@ -136,6 +136,8 @@ class Schedule:
         for control in g.controls:
             if not self.live[control.node]:
                 continue
+            for node in self._entry(control):
+                need(node, int(g.block[control.node]))
             if isinstance(control, Loop):
                 for k in self._live_params(control):
                     need(int(control.nexts[k]), control.body.index)
@@ -145,6 +147,12 @@ class Schedule:
                     for k in self._live_results(control):
                         need(int(out[k]), block.index)
         return {key: list(found) for key, found in needs.items()}
+
+    def _entry(self, control: Loop | Branch) -> list[int]:
+        """What is read where a loop or branch begins."""
+        if isinstance(control, Branch):
+            return control.which
+        return [int(control.inits[k]) for k in self._live_params(control)]
 
     def _live_params(self, loop: Loop) -> list[int]:
         return [k for k, p in enumerate(loop.params) if self.live[p]]
@@ -158,12 +166,7 @@ class Schedule:
         g, items, pending = self.graph, [], []
         controls = [c for c in g.controls if self.live[c.node] and int(g.block[c.node]) == block]
         for control in sorted(controls, key=lambda c: c.node):
-            inits = (
-                [int(control.inits[k]) for k in self._live_params(control)]
-                if (isinstance(control, Loop))
-                else control.which
-            )
-            for node in [*self._needs.get(control.node, []), *inits]:
+            for node in [*self._needs.get(control.node, []), *self._entry(control)]:
                 if self._here(node, block):
                     self._visit(node, block, pending)
             self._done[control.node] = True

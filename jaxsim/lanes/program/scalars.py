@@ -41,6 +41,12 @@ def _arithmetic_right(a, b):
     return (a >> np.clip(b, 0, 8 * a.dtype.itemsize - 1)).astype(a.dtype)
 
 
+def _leading_zeros(x):
+    unsigned, bits = x.view(f"u{x.dtype.itemsize}"), 8 * x.dtype.itemsize
+    found = [bits - int(v).bit_length() for v in unsigned.reshape(-1)]
+    return np.array(found, x.dtype).reshape(x.shape)
+
+
 def _libm(name: str) -> Callable:
     function = getattr(math, name)
     return lambda x: np.array([function(v) for v in x.reshape(-1)], x.dtype).reshape(x.shape)
@@ -76,6 +82,8 @@ NUMPY: dict[str, Callable] = {
     "ne": np.not_equal,
     "select": lambda p, a, b: np.where(p, a, b),
     "any": lambda x: x,
+    "population_count": lambda x: np.bitwise_count(x).astype(x.dtype),
+    "clz": _leading_zeros,
     "sin": np.sin,
     "cos": np.cos,
     "tan": np.tan,
