@@ -134,3 +134,17 @@ def test_loops_that_begin_with_what_is_known_outside():
         return lax.while_loop(wants, lambda c: (c[0] + inner(x, c[1]), c[1] + 1), (x, 0))
 
     assert_same(quick_jit(jax.vmap(as_kernel(h)))(X), jax.vmap(h)(X))
+
+
+def test_an_array_of_a_loop_that_begins_with_a_constant():
+    """It is put together in the loop, whatever its first element is."""
+
+    def h(x):
+        def turn(c):
+            y, i = c
+            padded = jnp.concatenate([jnp.zeros(1), jnp.sin(y)])
+            return y + padded[(i + (x[0] > 0)) % 4], i + 1
+
+        return lax.while_loop(lambda c: c[1] < 2 + 3 * jnp.abs(x[1]), turn, (x, 0))
+
+    assert_same(quick_jit(jax.vmap(as_kernel(h)))(X), jax.vmap(h)(X))

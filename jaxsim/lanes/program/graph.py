@@ -144,7 +144,7 @@ class Graph:
     def pack(self, elements: np.ndarray) -> int:
         """An array in memory, for an index that is known only at run time."""
         elements = np.asarray(elements, np.int32).reshape(-1)
-        block = self._places(elements.reshape(1, -1))[0]
+        block = self._places(elements.reshape(-1, 1))[0]
         key = (PACK, block.index, elements.tobytes())
         if key not in self._table:
             uniform = bool(self.uniform[elements].all())
