@@ -17,7 +17,7 @@ if "JAX_PLATFORMS" not in os.environ:
 # Broadcasting between arrays of different rank is nearly always a mistake in code for one item.
 jax.config.update("jax_numpy_rank_promotion", "raise")
 # Two devices even on one core, so that whatever shards a batch is really tested.
-jaxsim.configure_cpu(2)
+jaxsim.configure_cpu(2, lanes="JAXSIM_LANES" in os.environ)
 
 # Compilation makes the first example slow, so a deadline says nothing; examples are reproducible.
 settings.register_profile(

@@ -3,6 +3,7 @@
 kinematics -> inertia and bias -> forces -> contacts -> convex problem -> acceleration -> integrate
 """
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -11,6 +12,7 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from jaxsim.arrays.checkpoint import checkpoint
+from jaxsim.arrays.memo import is_traced
 from jaxsim.arrays.precision import full_precision
 from jaxsim.collision import Contact, detect, model_candidates
 from jaxsim.constraint import constrained_acceleration
@@ -27,6 +29,8 @@ from jaxsim.engine.integrators import INTEGRATORS, Step
 from jaxsim.engine.status import Status
 from jaxsim.forces.actuation import Actuation, actuation
 from jaxsim.forces.passive import PassiveForces, passive_forces
+from jaxsim.lanes import as_kernel
+from jaxsim.lanes.switch import lanes_enabled
 from jaxsim.model import Model, State
 from jaxsim.model.inputs import admit, admit_array
 
@@ -75,6 +79,14 @@ def step_with_status(
 def whole_step(model: Model, state: State, ctrl: Float[Array, "nu"] | None = None) -> Step:
     """`step` as a `Step`: with its status and the state at which forces were evaluated last."""
     model, state, ctrl = admit(model, state, ctrl)
+    advance = functools.partial(_step, model)
+    # A kernel knows all numbers of its model.
+    if lanes_enabled() and is_traced((state, ctrl)) and not is_traced(model):
+        advance = as_kernel(advance)
+    return advance(state, ctrl)
+
+
+def _step(model: Model, state: State, ctrl: Float[Array, "nu"] | None) -> Step:
     integrate = INTEGRATORS[model.opt.integrator]
     found = integrate(model, state, lambda state: evaluate(model, state, ctrl))
     after = found.after

@@ -103,6 +103,32 @@ def _rule(lanes, eqn, values, flags):
     return lane_batch_p.bind(*values, program=program, flags=tuple(flags), size=lanes.size)
 
 
+def _alone_on_cpu(*xs, program):
+    """One lane, as a kernel of scalars."""
+    made = _kernel_or_none(program, (True,) * len(xs), single=True)
+    if made is None:
+        return _evaluate(*xs, program=program)
+    shapes = [jax.ShapeDtypeStruct((*a.shape, 1), a.dtype) for a in program.out_avals]
+    return [x[..., 0] for x in jax.ffi.ffi_call(made.name, shapes)(*[x[..., None] for x in xs])]
+
+
+def _kernel_or_none(program, flags: tuple[bool, ...], single: bool = False):
+    """The kernel, or None with a warning where the compiler does not know something."""
+    from jaxsim.lanes.compiler import kernel
+
+    try:
+        return kernel(program, flags, single)
+    except (NotImplementedError, ImportError) as reason:
+        _warn(str(reason))
+        return None
+
+
+@functools.cache
+def _warn(reason: str) -> None:
+    """Say, once for each reason, that a program stays with XLA."""
+    warnings.warn(f"jaxsim.lanes leaves a program to XLA: it does not know {reason}", stacklevel=2)
+
+
 lane_call_p = jex.Primitive("lane_call")
 lane_call_p.multiple_results = True
 lane_call_p.def_impl(jax.jit(lane_call_p.bind, static_argnames="program"))
@@ -110,6 +136,9 @@ lane_call_p.def_abstract_eval(_types)
 ad.primitive_jvps[lane_call_p] = _jvp
 batching.primitive_batchers[lane_call_p] = _batch
 mlir.register_lowering(lane_call_p, mlir.lower_fun(_evaluate, multiple_results=True))
+mlir.register_lowering(
+    lane_call_p, mlir.lower_fun(_alone_on_cpu, multiple_results=True), platform="cpu"
+)
 registry.register("lane_call", rule=_rule)
 
 
@@ -127,12 +156,8 @@ def _by_xla(*xs, program, flags, size):
 
 def _on_cpu(*xs, program, flags, size):
     """All lanes as one kernel; a batch shorter than a group is filled up with its last lane."""
-    from jaxsim.lanes.compiler import kernel
-
-    try:
-        made = kernel(program, flags)
-    except (NotImplementedError, ImportError) as reason:
-        _warn(str(reason))
+    made = _kernel_or_none(program, flags)
+    if made is None:
         return _by_xla(*xs, program=program, flags=flags, size=size)
     rows = max(made.width, size)
     fill = lambda x: jnp.pad(x, [(0, 0)] * (x.ndim - 1) + [(0, rows - size)], "edge")  # noqa: E731
@@ -141,12 +166,6 @@ def _on_cpu(*xs, program, flags, size):
     shapes = [jax.ShapeDtypeStruct((*a.shape, rows), a.dtype) for a in program.out_avals]
     results = jax.ffi.ffi_call(made.name, shapes)(*xs)
     return [x[..., :size] for x in results] if rows > size else results
-
-
-@functools.cache
-def _warn(reason: str) -> None:
-    """Say, once for each reason, that a program stays with XLA."""
-    warnings.warn(f"jaxsim.lanes leaves a program to XLA: it does not know {reason}", stacklevel=2)
 
 
 def _batch_jvp(primals, tangents, **params):

@@ -8,12 +8,11 @@ import os
 
 import jax
 
+from jaxsim.lanes.switch import enable_lanes
+
 # Otherwise loops over a few dozen lanes are unrolled before they can be vectorised, and no option
 # of a single program prevents that.
 _OPTIONS, _NO_UNROLLING = "--xla_backend_extra_options=", "xla_cpu_disable_loop_unrolling"
-
-
-_uses_lanes = False
 
 
 def configure_cpu(cores: int | None = None, *, lanes: bool = False) -> None:
@@ -34,7 +33,6 @@ def configure_cpu(cores: int | None = None, *, lanes: bool = False) -> None:
       ImportError: lanes are asked for, and llvmlite is not installed.
       RuntimeError: JAX was used before.
     """
-    global _uses_lanes
     if lanes and importlib.util.find_spec("llvmlite") is None:
         raise ImportError("configure_cpu(lanes=True) needs llvmlite: pip install llvmlite")
     cores = _available() if cores is None else cores
@@ -47,14 +45,9 @@ def configure_cpu(cores: int | None = None, *, lanes: bool = False) -> None:
             "configure_cpu comes too late: JAX has been used in this process; call it right after "
             "the imports, before anything that makes an array or loads a model"
         ) from error
-    _uses_lanes = lanes
+    enable_lanes(lanes)
     if not keeps_loops():
         os.environ["XLA_FLAGS"] = _with_option(os.environ.get("XLA_FLAGS", ""))
-
-
-def uses_lanes() -> bool:
-    """Whether rollouts run as kernels of `jaxsim.lanes`."""
-    return _uses_lanes
 
 
 def keeps_loops() -> bool:

@@ -16,12 +16,11 @@ from jaxsim.batching.mapping import vmap
 from jaxsim.dynamics.components import motion_components
 from jaxsim.engine.status import Status
 from jaxsim.engine.stepping import scan_steps, step_with_status
-from jaxsim.lanes import as_kernel
+from jaxsim.lanes.switch import lanes_enabled
 from jaxsim.model import Model, State
 from jaxsim.model.facts import Constants, Frozen
 from jaxsim.model.inputs import admit, admit_array, admit_model
 from jaxsim.parallel.chunks import chunk_lanes, map_chunks
-from jaxsim.parallel.cpu import uses_lanes
 from jaxsim.parallel.devices import EVERYWHERE, SPLIT, device_mesh, everywhere, parallel, split
 
 
@@ -68,8 +67,8 @@ def batch_rollout(
     states, ctrls = split(jax.tree.map(pad, (states, ctrls)), mesh)
     if is_traced(ctrls):  # within `jax.jit` everything is
         return _asked_for(alone(), observe, status)
-    if uses_lanes() and jax.default_backend() == "cpu":
-        found = _compiled_lanes(observe, status, mesh, Frozen.of(model))(states, ctrls)
+    if lanes_enabled() and _first_numbers(known := Frozen.of(model)):
+        found = _compiled_kernels(observe, status, mesh, known)(states, ctrls)
     else:
         run = _compiled(observe, status, mesh, Constants.of(model, motion_components.leaves))
         found = run(everywhere(model, mesh), states, ctrls)
@@ -101,19 +100,33 @@ def _compiled(observe, status: bool, mesh: Mesh, constants: Constants):
 
 
 @functools.lru_cache(maxsize=16)
-def _compiled_lanes(observe, status: bool, mesh: Mesh, frozen: Frozen):
+def _compiled_kernels(observe, status: bool, mesh: Mesh, known: Frozen):
     """The rollout with one kernel for each step; one compilation for each model."""
-    model = frozen.model()
-
-    def advance(state, ctrl):
-        # Without a status nothing of it is an output, and nothing of it is computed.
-        found = step_with_status(model, state, ctrl)
-        return found if status else (found[0], None)
+    model = known.model()
 
     def shard(states, ctrls):
-        return vmap(_run(as_kernel(advance), observe, status))(states, ctrls)
+        run = _run(functools.partial(step_with_status, model), observe, status)
+        return vmap(run)(states, ctrls)
 
     return parallel(shard, mesh, (SPLIT, SPLIT), SPLIT)
+
+
+@functools.lru_cache(maxsize=64)
+def _numbers_of(structure) -> list[Frozen]:
+    """The first model of a structure; the list is filled by `_first_numbers`."""
+    return []
+
+
+def _first_numbers(known: Frozen) -> bool:
+    """Whether no model of the same structure with other numbers came before.
+
+    Whoever changes the numbers of a model gets a program for all numbers instead of a kernel for
+    each.
+    """
+    first = _numbers_of(known.structure)
+    if not first:
+        first.append(known)
+    return first[0] == known
 
 
 def _part_of_a_program(model: Model, states: State, ctrls, observe, status: bool):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jaxsim
-from jaxsim.parallel import cpu
+from jaxsim.lanes import switch
 
 BATCH, STEPS = 21, 10
 
@@ -20,7 +20,7 @@ def _difference(name: str, monkeypatch) -> float:
     states = jax.vmap(lambda v: start.replace(qvel=v))(velocity)
     ctrls = jnp.asarray(rng.uniform(-1, 1, (BATCH, STEPS, model.nu)))
     expected = jaxsim.batch_rollout(model, states, ctrls, lambda s: s.qpos, status=True)
-    monkeypatch.setattr(cpu, "_uses_lanes", True)
+    monkeypatch.setattr(switch, "_enabled", True)
     found = jaxsim.batch_rollout(model, states, ctrls, lambda s: s.qpos, status=True)
     # Residuals of solves are what rounding leaves of large numbers.
     found, expected = found[:2], expected[:2]
