@@ -4,22 +4,26 @@ import ctypes
 import dataclasses
 import functools
 import hashlib
+import pathlib
 
 import jax
 import numpy as np
+from llvmlite.binding import llvm_version_info
 
 from jaxsim.batching import forms
 from jaxsim.lanes import rules, translate  # noqa: F401
+from jaxsim.lanes.code import cache
 from jaxsim.lanes.code.emit import Emitter
 from jaxsim.lanes.code.handler import handler, version
-from jaxsim.lanes.code.machine import Compiled, lanes_of
+from jaxsim.lanes.code.machine import Loaded, lanes_of, object_code, processor
 from jaxsim.lanes.code.schedule import Schedule
+from jaxsim.lanes.identity import digest
 from jaxsim.lanes.program.builder import Builder
 from jaxsim.lanes.program.graph import INPUT
 from jaxsim.lanes.program.types import DTYPES, code
 
-# An address that XLA was told stays one for the life of the process, so the code does as well.
-_REGISTERED: dict[str, Compiled] = {}
+# Width and code by name. What XLA knows by its address must stay until the process ends.
+_REGISTERED: dict[str, tuple[int, Loaded]] = {}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,17 +54,35 @@ def kernel(program, batched: tuple[bool, ...], single: bool = False) -> Kernel:
     """
     if version() is None:
         raise NotImplementedError(f"the interface of XLA's custom calls in jax {jax.__version__}")
-    text, width = source(program, batched, single)
-    name = f"jaxsim_lanes_{hashlib.sha256(text.encode()).hexdigest()[:32]}"
+    key = _key(program, batched, single)
+    name = f"jaxsim_lanes_{key}"
     if name not in _REGISTERED:
-        _REGISTERED[name] = Compiled(text)
+        stored = cache.load(key)
+        if stored is None:
+            text, width = source(program, batched, single)
+            stored = width.to_bytes(1) + object_code(text)
+            cache.save(key, stored)
+        _REGISTERED[name] = stored[0], Loaded(stored[1:])
         capsule = ctypes.pythonapi.PyCapsule_New
         capsule.restype = ctypes.py_object
         capsule.argtypes = [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p]
-        address = _REGISTERED[name].address("handler")
+        address = _REGISTERED[name][1].address("handler")
         target = capsule(address, b"xla._CUSTOM_CALL_TARGET", None)
         jax.ffi.register_ffi_target(name, target, platform="cpu")
-    return Kernel(name, width)
+    return Kernel(name, _REGISTERED[name][0])
+
+
+def _key(program, batched: tuple[bool, ...], single: bool) -> str:
+    """What machine code depends on: program, compiler, processor."""
+    parts = digest(program), batched, single, _sources(), processor(), llvm_version_info, version()
+    return hashlib.sha256(repr(parts).encode()).hexdigest()[:32]
+
+
+@functools.cache
+def _sources() -> str:
+    """Digest of this package, so that machine code of another release is not taken for its own."""
+    files = sorted(pathlib.Path(__file__).parent.rglob("*.py"))
+    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
 
 
 def source(program, batched: tuple[bool, ...], single: bool = False) -> tuple[str, int]:

@@ -123,6 +123,19 @@ def _kernel_or_none(program, flags: tuple[bool, ...], single: bool = False):
         return None
 
 
+def _lowering(by_kernel: Callable, by_xla: Callable):
+    """A lowering to a kernel; programs to be exported, which another process runs, are XLA's."""
+    here = mlir.lower_fun(by_kernel, multiple_results=True)
+    anywhere = mlir.lower_fun(by_xla, multiple_results=True)
+
+    def lower(ctx, *args, **params):
+        parameters = getattr(ctx.module_context, "lowering_parameters", None)
+        exported = getattr(parameters, "for_export", False)
+        return (anywhere if exported else here)(ctx, *args, **params)
+
+    return lower
+
+
 @functools.cache
 def _warn(reason: str) -> None:
     """Say, once for each reason, that a program stays with XLA."""
@@ -136,9 +149,7 @@ lane_call_p.def_abstract_eval(_types)
 ad.primitive_jvps[lane_call_p] = _jvp
 batching.primitive_batchers[lane_call_p] = _batch
 mlir.register_lowering(lane_call_p, mlir.lower_fun(_evaluate, multiple_results=True))
-mlir.register_lowering(
-    lane_call_p, mlir.lower_fun(_alone_on_cpu, multiple_results=True), platform="cpu"
-)
+mlir.register_lowering(lane_call_p, _lowering(_alone_on_cpu, _evaluate), platform="cpu")
 registry.register("lane_call", rule=_rule)
 
 
@@ -198,4 +209,4 @@ lane_batch_p.def_abstract_eval(_batch_types)
 ad.primitive_jvps[lane_batch_p] = _batch_jvp
 batching.primitive_batchers[lane_batch_p] = _more_lanes
 mlir.register_lowering(lane_batch_p, mlir.lower_fun(_by_xla, multiple_results=True))
-mlir.register_lowering(lane_batch_p, mlir.lower_fun(_on_cpu, multiple_results=True), platform="cpu")
+mlir.register_lowering(lane_batch_p, _lowering(_on_cpu, _by_xla), platform="cpu")

@@ -15,7 +15,7 @@ from jaxsim.lanes.switch import enable_lanes
 _OPTIONS, _NO_UNROLLING = "--xla_backend_extra_options=", "xla_cpu_disable_loop_unrolling"
 
 
-def configure_cpu(cores: int | None = None, *, lanes: bool = False) -> None:
+def configure_cpu(cores: int | None = None, *, lanes: bool | None = None) -> None:
     """Prepare JAX for batches on a CPU; to be called once, before JAX is used.
 
     Every core becomes a device, because XLA's own threads cost more than they gain in programs of
@@ -25,15 +25,17 @@ def configure_cpu(cores: int | None = None, *, lanes: bool = False) -> None:
 
     Args:
       cores: number of cores to use; by default all on which this process may run.
-      lanes: whether `batch_rollout` runs a step as one kernel of `jaxsim.lanes` instead of XLA's;
-        needs the extra `lanes`. The numbers of a model are then part of its program.
+      lanes: whether a step is compiled as one kernel of `jaxsim.lanes` instead of by XLA, where
+        the numbers of its model are known; needs the extra `lanes`. By default it is where that is
+        installed.
 
     Raises:
       ValueError: fewer than one core.
       ImportError: lanes are asked for, and llvmlite is not installed.
       RuntimeError: JAX was used before.
     """
-    if lanes and importlib.util.find_spec("llvmlite") is None:
+    installed = importlib.util.find_spec("llvmlite") is not None
+    if lanes and not installed:
         raise ImportError("configure_cpu(lanes=True) needs llvmlite: pip install llvmlite")
     cores = _available() if cores is None else cores
     if cores < 1:
@@ -45,7 +47,7 @@ def configure_cpu(cores: int | None = None, *, lanes: bool = False) -> None:
             "configure_cpu comes too late: JAX has been used in this process; call it right after "
             "the imports, before anything that makes an array or loads a model"
         ) from error
-    enable_lanes(lanes)
+    enable_lanes(installed if lanes is None else lanes)
     if not keeps_loops():
         os.environ["XLA_FLAGS"] = _with_option(os.environ.get("XLA_FLAGS", ""))
 

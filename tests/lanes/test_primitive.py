@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jax import lax
+from jax import export, lax
 from oracle import quick_jit
 
 import jaxsim
@@ -71,6 +71,13 @@ def test_derivatives():
     # What is differentiated first is one kernel as well.
     outside = jax.vmap(as_kernel(jax.grad(lambda x: g(x).sum())))
     assert_same(quick_jit(outside)(X), jax.vmap(jax.grad(lambda x: g(x).sum()))(X))
+
+
+@pytest.mark.parametrize("f", [jax.vmap(as_kernel(g)), lambda x: as_kernel(g)(x[0])])
+def test_exported_programs_hold_no_machine_code(f):
+    exported = export.export(jax.jit(f))(X)
+    assert "jaxsim_lanes_" not in exported.mlir_module()
+    assert_same(exported.call(X), f(X))
 
 
 def test_nan_in_nan_out():

@@ -23,19 +23,31 @@ def lanes_of(itemsize: int) -> int:
     return size // itemsize
 
 
-class Compiled:
-    """Machine code that is kept as long as this object."""
+def object_code(text: str) -> bytes:
+    """An object file of a program in LLVM's text."""
+    module = llvm.parse_assembly(text)
+    module.triple = llvm.get_process_triple()
+    return _target().emit_object(module)
 
-    def __init__(self, text: str, opt: int = 1):
-        cpu, features = processor()
-        module = llvm.parse_assembly(text)
-        module.triple = llvm.get_process_triple()
-        target = llvm.Target.from_triple(module.triple)
-        features += ",-prefer-256-bit"
-        self._machine = target.create_target_machine(
-            cpu=cpu, features=features, opt=opt, jit=True, codemodel="jitdefault"
-        )
-        self._engine = llvm.create_mcjit_compiler(module, self._machine)
+
+def _target(opt: int = 1) -> llvm.TargetMachine:
+    cpu, features = processor()
+    target = llvm.Target.from_triple(llvm.get_process_triple())
+    return target.create_target_machine(
+        cpu=cpu,
+        features=f"{features},-prefer-256-bit",
+        opt=opt,
+        jit=True,
+        codemodel="jitdefault",
+    )
+
+
+class Loaded:
+    """Machine code in memory, kept as long as this object."""
+
+    def __init__(self, code: bytes):
+        self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target())
+        self._engine.add_object_file(llvm.ObjectFileRef.from_data(code))
         self._engine.finalize_object()
 
     def address(self, name: str) -> int:
