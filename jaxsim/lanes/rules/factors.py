@@ -57,10 +57,23 @@ def _solve(t, a, b, p):
 
 @rule("lu")
 def lu(t, eqn, a):
-    """Gaussian elimination with the largest pivot of each column; rows are chosen by selects."""
-    if a.ndim != 2 or a.shape[0] != a.shape[1]:
+    """Factors, pivots and order of rows of each square matrix; others are not known."""
+    n = a.shape[-1]
+    if a.shape[-2] != n:
         return None
-    n, a = len(a), a.copy()
+    found = [_lu(t, m.copy()) for m in a.reshape(-1, n, n)]
+    factors, pivots, order = ([row[k] for row in found] for k in range(3))
+    shape = a.shape[:-1]
+    return [
+        np.array(factors, a.dtype).reshape(a.shape),
+        np.array(pivots, np.int32).reshape(shape),
+        np.array(order, np.int32).reshape(shape),
+    ]
+
+
+def _lu(t, a):
+    """Gaussian elimination with the largest pivot of each column; rows are chosen by selects."""
+    n = len(a)
     order, pivots = t.constants(np.arange(n, dtype=np.int32)), []
     for j in range(n):
         best, place = t.apply("abs", a[j, j]), t.constants(np.int32(j))
@@ -83,4 +96,4 @@ def lu(t, eqn, a):
             a[j + 1 :, j] = t.apply("div", a[j + 1 :, j], safe)
             product = t.apply("mul", a[j + 1 :, j, None], a[None, j, j + 1 :])
             a[j + 1 :, j + 1 :] = t.apply("sub", a[j + 1 :, j + 1 :], product)
-    return [a, np.stack(pivots).astype(np.int32), order]
+    return a, pivots, order
