@@ -10,7 +10,7 @@ from jaxsim.collision.candidates import (
 from jaxsim.collision.contact import Contact, ContactKind, SlotRange
 from jaxsim.collision.detection import detect
 from jaxsim.collision.parameters import contact_parameters
-from jaxsim.collision.shapes import INACTIVE, Contacts, Hull, Shape
+from jaxsim.collision.shapes import INACTIVE, Contacts, Hull, HullFaces, Shape
 from jaxsim.collision.table import PAIRS, PairFunction
 
 __all__ = [
@@ -21,6 +21,7 @@ __all__ = [
     "ContactKind",
     "Contacts",
     "Hull",
+    "HullFaces",
     "PairFunction",
     "PairGroup",
     "Shape",

@@ -7,28 +7,35 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from jaxsim.arrays.indexing import Index, gather
-from jaxsim.collision.shapes import Hull, Shape
+from jaxsim.collision.shapes import Hull, HullFaces, Shape
 
 
 class Hulls:
-    """Tables of hulls, cut to the largest number of corners and faces among some geoms.
+    """Tables of hulls, cut to the largest numbers of corners and faces among some geoms.
 
     Attributes:
       geom_hull: (ngeom,) row of each geom's hull.
-      corner, normal, face: see `Hull`.
+      corner: see `Hull`.
+      faces: see `HullFaces`.
     """
 
     geom_hull: np.ndarray
     corner: Float[Array, "h v 3"]
-    normal: Float[Array, "h f 3"]
-    face: Float[Array, "h f p 3"]
+    faces: HullFaces
 
     def __init__(self, model: Any, geoms: np.ndarray, dtype):
         self.geom_hull = model.geom_hull
-        corners, faces = model.hull_size[np.unique(model.geom_hull[geoms])].max(axis=0)
+        size = model.hull_size[np.unique(model.geom_hull[geoms])].max(axis=0)
+        corners, faces, sides, degree = (int(n) for n in size)
         self.corner = jnp.asarray(model.hull_corner[:, :corners], dtype)
-        self.normal = jnp.asarray(model.hull_normal[:, :faces], dtype)
-        self.face = jnp.asarray(model.hull_face[:, :faces], dtype)
+        self.faces = HullFaces(
+            normal=jnp.asarray(model.hull_normal[:, :faces], dtype),
+            face=jnp.asarray(model.hull_face[:, :faces], jnp.int32),
+            ring=jnp.asarray(model.hull_ring, dtype),
+            around=jnp.asarray(model.hull_around[:, :corners, :degree], jnp.int32),
+            before=jnp.asarray(model.hull_before[:, :corners, :degree], jnp.int32),
+            sides=sides,
+        )
 
     def rows(self, geoms: Index) -> Index:
         """The row of each geom's hull."""
@@ -36,4 +43,4 @@ class Hulls:
 
     def complete(self, shape: Shape, row: Int[Array, ""]) -> Shape:
         """The shape with the hull in a row."""
-        return shape.replace(hull=Hull(self.corner[row], self.normal[row], self.face, row))
+        return shape.replace(hull=Hull(self.corner[row], row, self.faces))

@@ -15,24 +15,43 @@ INACTIVE = 1e6
 
 
 @struct.dataclass
+class HullFaces:
+    """Tables of the faces of all hulls, in units of the shape's size.
+
+    They are tables of all hulls, because only a few rows of them are gathered.
+
+    Attributes:
+      normal: outward normals of the faces, of any length.
+      face: where the corners of each face start in `ring`, and their number.
+      ring: corners around the faces, counterclockwise seen from outside.
+      around: numbers of the faces at each corner, ascending; -1 where there are no more.
+      before: number of the corner before it in each of these faces.
+      sides: largest number of corners of a face.
+    """
+
+    normal: Float[Array, "h f 3"]
+    face: Int[Array, "h f 2"]
+    ring: Float[Array, "r 3"]
+    around: Int[Array, "h v k"]
+    before: Int[Array, "h v k"]
+    sides: int = struct.field(pytree_node=False)
+
+
+@struct.dataclass
 class Hull:
     """The convex hull of a mesh, in units of the shape's size.
 
-    Hulls of different size are padded by repeating the first corner and the first face, and in each
-    face the last corner.
+    Hulls of different size are padded by repeating the first corner and the first face.
 
     Attributes:
       corner: positions of the corners in the shape's axes.
-      normal: outward normals of the faces, of any length.
-      faces: corners around each face of all hulls, counterclockwise seen from outside. The table of
-        all hulls is stored, because only one face of it is gathered.
-      row: row of this hull in `faces`.
+      row: row of this hull in the tables of faces.
+      faces: tables of faces; None if at most one contact is computed.
     """
 
     corner: Float[Array, "v 3"]
-    normal: Float[Array, "f 3"]
-    faces: Float[Array, "h f p 3"]
     row: Int[Array, ""]
+    faces: HullFaces | None = None
 
 
 @struct.dataclass

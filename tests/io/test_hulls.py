@@ -27,12 +27,31 @@ def ball(vertices):
     return " ".join(f"{x:.6f}" for x in points.ravel())
 
 
+def faces_of(model):
+    """The corners around each face of the first hull."""
+    return [model.hull_ring[start : start + count] for start, count in model.hull_face[0]]
+
+
+def test_a_corner_knows_its_faces_and_edges():
+    model = jaxsim.load(scene('type="mesh" mesh="cube"'))
+    corners, faces = model.hull_corner[0], faces_of(model)
+    assert model.hull_size.tolist() == [[8, 6, 4, 3]]
+    for k, (around, before) in enumerate(
+        zip(model.hull_around[0], model.hull_before[0], strict=True)
+    ):
+        assert (np.diff(around) > 0).all()
+        for face, other in zip(around, before, strict=True):
+            ring = faces[face].tolist()
+            place = ring.index(corners[k].tolist())
+            np.testing.assert_array_equal(ring[place - 1], corners[other])
+
+
 def test_faces_enclose_the_corners():
     """In units of the size: all corners are below each face, whose corners are on it in order."""
     model = jaxsim.load(scene('type="mesh" mesh="cube"'))
-    corners, normals, faces = model.hull_corner[0], model.hull_normal[0], model.hull_face[0]
+    corners, normals, faces = model.hull_corner[0], model.hull_normal[0], faces_of(model)
     assert corners.shape == (8, 3)
-    assert faces.shape == (6, 4, 3)
+    assert [len(face) for face in faces] == [4] * 6
     np.testing.assert_allclose(np.abs(corners), 1, atol=1e-6)
     for normal, face in zip(normals, faces, strict=True):
         np.testing.assert_allclose(face @ normal, np.max(corners @ normal), atol=1e-6)
@@ -56,7 +75,7 @@ def test_forward_agrees_with_mujoco(x64):
 def test_meshes_that_do_not_collide_cost_nothing():
     model = jaxsim.load(scene('type="mesh" mesh="cube" contype="0" conaffinity="0"'))
     assert (model.geom_hull == -1).all()
-    assert model.hull_corner.size == model.hull_face.size == 0
+    assert model.hull_corner.size == model.hull_ring.size == 0
 
 
 def test_large_hulls_are_named_and_maxhullvert_holds():

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import jax.numpy as jnp
 from jax import lax
 
+from jaxsim.collision.convex.faces import face_contacts
 from jaxsim.collision.convex.manifold import Manifold, manifold
 from jaxsim.collision.convex.search import SolidPair, search
 from jaxsim.collision.convex.solid import Solid
@@ -26,7 +27,12 @@ def convex_pair(
         solids = SolidPair(first(shape1), second(shape2))
         fixed = SolidPair(first(lax.stop_gradient(shape1)), second(lax.stop_gradient(shape2)))
         found = touch(solids, search(fixed))
-        several = manifold(solids, found, count) if count > 1 else Manifold.of(found)
+        if count == 1:
+            several = Manifold.of(found)
+        elif first.faceted and second.faceted:
+            several = face_contacts(solids, found)
+        else:
+            several = manifold(solids, found, count)
         radius1, radius2 = solids.first.radius, solids.second.radius
         normal = shape1.mat @ several.normal
         middle = several.middle + several.normal[None] * ((radius1 - radius2) / 2)

@@ -3,14 +3,27 @@
 import jax.numpy as jnp
 import numpy as np
 
-from jaxsim.collision.convex.solid import Facet, Solid
+from jaxsim.collision.convex.solid import Facet, Feature, Solid, extent_of
 from jaxsim.collision.shapes import Shape
 from jaxsim.collision.spread import one_hot, pick
+
+# Corners of a box's faces +x, -x, +y, -y, +z, -z, clockwise seen from outside, as in MuJoCo.
+_BOX_RINGS = np.array(
+    [
+        [[1, 1, 1], [1, 1, -1], [1, -1, -1], [1, -1, 1]],
+        [[-1, 1, -1], [-1, 1, 1], [-1, -1, 1], [-1, -1, -1]],
+        [[-1, 1, -1], [1, 1, -1], [1, 1, 1], [-1, 1, 1]],
+        [[-1, -1, 1], [1, -1, 1], [1, -1, -1], [-1, -1, -1]],
+        [[-1, 1, 1], [1, 1, 1], [1, -1, 1], [-1, -1, 1]],
+        [[1, 1, -1], [-1, 1, -1], [-1, -1, -1], [1, -1, -1]],
+    ]
+)
 
 
 class Box(Solid):
     """A box; bit k of a corner's number says whether it is on the upper side of axis k."""
 
+    faceted = True
     max_contacts = 4
 
     @property
@@ -39,10 +52,35 @@ class Box(Solid):
         corners = square @ jnp.stack([x, y * side]) + outward[None]
         return Facet(corners * self.size[None], outward, flat=True)
 
+    def feature(self, numbers):
+        """See `Solid`."""
+        numbers = jnp.sort(numbers)
+        upper = ((numbers[:, None] >> jnp.arange(3, dtype=jnp.int32)[None]) & 1) > 0
+        side = jnp.where(upper, 1, -1).astype(self.size.dtype)
+        corners = side * self.size[None]
+        extent = extent_of(numbers)
+        other = jnp.where(numbers[1] != numbers[0], corners[1], corners[2])
+        flipped = corners[:1] * (1 - 2 * np.eye(3, dtype=self.size.dtype))
+        first = jnp.arange(3) == 0
+        return Feature(
+            extent=extent,
+            number=2 * jnp.arange(3, dtype=jnp.int32) + jnp.where(upper[0], 0, 1),
+            normal=side[0][:, None] * np.eye(3, dtype=self.size.dtype),
+            holds=jnp.all(upper == upper[:1], axis=0),
+            corner=corners[0],
+            ends=jnp.where(extent == 1, flipped, other[None]),
+            along=(extent == 1) | first & (extent == 2),
+        )
+
+    def ring(self, face):
+        """See `Solid`."""
+        return jnp.asarray(_BOX_RINGS, self.size.dtype)[face] * self.size[None], 4
+
 
 class Polytope(Solid):
     """The convex hull of a mesh; the number of a corner is its index."""
 
+    faceted = True
     max_contacts = 4
 
     def __init__(self, shape: Shape):
@@ -66,11 +104,50 @@ class Polytope(Solid):
         """See `Solid`."""
         return pick(jnp.arange(len(self.corner)) == vertex[1], self.corner)
 
+    @property
+    def faces(self):
+        """Tables of the faces of all hulls."""
+        if self.hull.faces is None:
+            raise ValueError("several contacts need the faces of the hull")
+        return self.hull.faces
+
     def facet(self, n):
         """See `Solid`."""
-        normals = self.hull.normal / self.size[None]
-        normals = normals / jnp.sqrt(jnp.sum(normals**2, axis=1))[:, None]
+        normals = self.face_normals()
         facing = one_hot(normals @ n)
         number = jnp.sum(jnp.where(facing, jnp.arange(len(normals)), 0))
-        corners = self.hull.faces[self.hull.row, number] * self.size[None]
-        return Facet(corners, pick(facing, normals), flat=True)
+        clockwise, _ = self.ring(number)
+        return Facet(clockwise[::-1], pick(facing, normals), flat=True)
+
+    def face_normals(self):
+        """See `Solid`."""
+        return self._unit_normals(self.faces.normal[self.hull.row])
+
+    def feature(self, numbers):
+        """See `Solid`."""
+        numbers = jnp.sort(numbers)
+        around = self.faces.around[self.hull.row, numbers]
+        shared = (around[1:, None] == around[0][None, :, None]).any(axis=2).all(axis=0)
+        before = self.faces.before[self.hull.row, numbers[0]]
+        other = jnp.where(numbers[1] != numbers[0], numbers[1], numbers[2])
+        extent = extent_of(numbers)
+        first = jnp.arange(len(before)) == 0
+        return Feature(
+            extent=extent,
+            number=around[0],
+            normal=self._unit_normals(self.faces.normal[self.hull.row, around[0]]),
+            holds=shared & (around[0] >= 0),
+            corner=self.corner[numbers[0]],
+            ends=self.corner[jnp.where(extent == 1, before, other)],
+            along=(extent == 1) & (before >= 0) | first & (extent == 2),
+        )
+
+    def ring(self, face):
+        """See `Solid`."""
+        start, count = self.faces.face[self.hull.row, face]
+        back = jnp.minimum(jnp.arange(self.faces.sides, dtype=jnp.int32), count - 1)
+        return self.faces.ring[start + count - 1 - back] * self.size[None], count
+
+    def _unit_normals(self, normals):
+        normals = normals / self.size[None]
+        return normals / jnp.sqrt(jnp.sum(normals**2, axis=1))[:, None]

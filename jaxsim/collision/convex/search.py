@@ -33,8 +33,10 @@ from jaxsim.collision.spread import one_hot, pick
 # Distance of q from the surface in each step of the search, in sizes of the smaller solid.
 BEYOND = (0.4,) * 6 + (0.04,) * 6
 # For overlaps deeper than DEEP, in the same unit, the search starts from STARTS more directions,
-# whose cosines with each other are below DIFFERENT.
+# whose cosines with each other are below DIFFERENT: the best normals of each CHUNK of faces, of at
+# most MANY_FACES, and the directions tried at first.
 DEEP, STARTS, DIFFERENT = 0.01, 4, 0.95
+CHUNK, MANY_FACES = 32, 256
 
 
 @struct.dataclass
@@ -105,23 +107,57 @@ def search(solids: SolidPair) -> SearchResult:
     """Find the direction of the largest separation; the result has no derivatives."""
     guesses = _guesses(solids)
     values, _ = jax.vmap(lambda n: _separation(solids, n))(guesses)
+    found = _climb(solids, pick(one_hot(values), guesses))
+    deep = found.separation < -DEEP * solids.size
+    # Skipped if no environment of the batch needs it.
+    other = lax.cond(
+        any_in_batch(deep), lambda: _climb_more(solids, found, guesses, values), lambda: found
+    )
+    return jax.tree.map(lambda x, y: jnp.where(deep, x, y), other, found)
 
-    def attempt(carry, count):
-        found, taken = carry
-        n = pick(one_hot(jnp.where(taken, -jnp.inf, values)), guesses)
-        wanted = (count == 0) | (found.separation < -DEEP * solids.size)
-        # Skipped if no environment of the batch needs it; `better` keeps the results of the others.
-        other = lax.cond(any_in_batch(wanted), lambda: _climb(solids, n), lambda: found)
-        better = wanted & (other.separation > found.separation)
+
+def _climb_more(solids: SolidPair, found: SearchResult, guesses, values) -> SearchResult:
+    """The best of some more searches from good directions that differ from those before."""
+    parts = [_best_faces(solids, n) for n in _face_normals(solids)]
+    guesses = jnp.concatenate([guesses, *(n for n, _ in parts)])
+    values = jnp.concatenate([values, *(v for _, v in parts)])
+
+    def attempt(carry, _):
+        found, tried = carry
+        near = tried | (guesses @ found.normal > DIFFERENT)
+        n = pick(one_hot(jnp.where(near & (values <= found.separation), -jnp.inf, values)), guesses)
+        other = _climb(solids, n)
+        better = other.separation > found.separation
         found = jax.tree.map(lambda x, y: jnp.where(better, x, y), other, found)
-        return (
-            found,
-            taken | (guesses @ n > DIFFERENT) | (guesses @ found.normal > DIFFERENT),
-        ), None
+        return (found, tried | (guesses @ n > DIFFERENT)), None
 
-    start = _start(solids, guesses[0]).replace(separation=-jnp.inf * jnp.ones_like(values[0]))
-    taken = jnp.zeros(len(guesses), bool)
-    return lax.scan(attempt, (start, taken), jnp.arange(1 + STARTS))[0][0]
+    return lax.scan(attempt, (found, values > jnp.inf), length=STARTS)[0][0]
+
+
+def _face_normals(solids: SolidPair) -> list[Float[Array, "f 3"]]:
+    """Directions orthogonal to faces of polytopes, from the first to the second."""
+    if not (solids.first.faceted and solids.second.faceted):
+        return []
+    first, second = solids.first.face_normals(), solids.second.face_normals()
+    turned = None if second is None else -(second @ solids.rot.T)
+    return [_some(n) for n in (first, turned) if n is not None]
+
+
+def _some(normals: Float[Array, "f 3"]) -> Float[Array, "g 3"]:
+    number = min(len(normals), MANY_FACES)
+    return normals[np.linspace(0, len(normals) - 1, number).astype(int)]
+
+
+def _best_faces(solids: SolidPair, normals: Float[Array, "f 3"]):
+    """The normal of the largest separation of each chunk, and that separation."""
+    count = -(-len(normals) // CHUNK)
+    chunks = normals[np.arange(count * CHUNK).clip(max=len(normals) - 1)].reshape(-1, CHUNK, 3)
+
+    def best(chunk):
+        values, _ = jax.vmap(lambda n: _separation(solids, n))(chunk)
+        return pick(one_hot(values), chunk), jnp.max(values)
+
+    return lax.map(best, chunks)
 
 
 def _start(solids: SolidPair, n: Float[Array, "3"]) -> SearchResult:

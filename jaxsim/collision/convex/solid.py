@@ -29,17 +29,48 @@ class Facet:
     flat: Bool[Array, ""] | bool
 
 
+@struct.dataclass
+class Feature:
+    """A corner, an edge or a face that touches, and what it is part of.
+
+    Attributes:
+      extent: number of different corners that define it, at most three.
+      number: numbers of the faces at its first corner.
+      normal: their outward unit normals.
+      holds: whether each face exists and contains the feature.
+      corner: position of its first corner.
+      ends: other ends of edges from there.
+      along: whether each edge exists and contains the feature.
+    """
+
+    extent: Int[Array, ""]
+    number: Int[Array, "k"]
+    normal: Float[Array, "k 3"]
+    holds: Bool[Array, "k"]
+    corner: Float[Array, "3"]
+    ends: Float[Array, "k 3"]
+    along: Bool[Array, "k"]
+
+
+def extent_of(numbers: Int[Array, "3"]) -> Int[Array, ""]:
+    """How many of three numbers are different."""
+    one, two, three = numbers
+    return 1 + (two != one).astype(jnp.int32) + ((three != one) & (three != two))
+
+
 class Solid:
     """A convex solid.
 
     Attributes:
       shape: the posed shape; the methods use its size, not its pose.
       curved: whether its surface has curvature.
+      faceted: whether all its surface consists of flat faces with straight edges.
       capped: whether it has flat faces with a curved border, orthogonal to its third axis.
       max_contacts: number of contacts that may be needed to support it: 4 for a face, 2 for a line.
     """
 
     curved = False
+    faceted = False
     capped = False
     max_contacts = 1
 
@@ -76,4 +107,19 @@ class Solid:
 
     def facet(self, n: Float[Array, "3"]) -> Facet:
         """The facet with outward normal closest to n; only for `max_contacts` > 1."""
+        raise NotImplementedError
+
+    def face_normals(self) -> Float[Array, "f 3"] | None:
+        """Outward unit normals of the faces; None if there are none or they are the axes."""
+        return None
+
+    def feature(self, numbers: Int[Array, "3"]) -> Feature:
+        """The feature that three corners define, some of which may be equal; only if faceted."""
+        raise NotImplementedError
+
+    def ring(self, face: Int[Array, ""]) -> tuple[Float[Array, "p 3"], Int[Array, ""] | int]:
+        """Corners of a face, clockwise seen from outside, and their number; only if faceted.
+
+        The last corner is repeated as padding.
+        """
         raise NotImplementedError

@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 from flax import struct
 from jax import lax
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from jaxsim.collision.convex.search import BEYOND, SearchResult, SolidPair, Vertices
 from jaxsim.collision.convex.simplex import closest_with
@@ -39,12 +39,14 @@ class Touch:
       normal: unit normal from the first to the second.
       first: contact point on the first core (m).
       second: contact point on the second core (m).
+      numbers: numbers of the corners of both that touch, some of which may be equal.
     """
 
     dist: Float[Array, ""]
     normal: Float[Array, "3"]
     first: Float[Array, "3"]
     second: Float[Array, "3"]
+    numbers: Int[Array, "3 2"]
 
 
 @struct.dataclass
@@ -60,6 +62,12 @@ class _Span:
     base: Bool[Array, "3"]
     others: Bool[Array, "2 3"]
     extended: Bool[Array, "2"]
+
+    def numbers(self, x: Int[Array, "3 k"]) -> Int[Array, "3 k"]:
+        """Values of x at the corners that exist, and at the base in place of the others."""
+        at = jnp.sum(jnp.where(self.base[:, None], x, 0), axis=0)
+        ends = jnp.sum(jnp.where(self.others[..., None], x[None], 0), axis=1)
+        return jnp.concatenate([at[None], jnp.where(self.extended[:, None], ends, at[None])])
 
     def corners(self, x: Float[Array, "3 k"]) -> tuple[Array, Array]:
         """Value of x at the base, and differences of the other corners' values from it."""
@@ -115,7 +123,7 @@ def _or_cap(
     corners = _at(solids, found.vertices, n)
     dist = n @ (found.weights @ corners.difference)
     first, second = found.weights @ corners.first, found.weights @ corners.second
-    cap = Touch(dist, n, second - n * dist if of_first else first, second)
+    cap = Touch(dist, n, second - n * dist if of_first else first, second, result.numbers)
     cap = cap if of_first else cap.replace(second=first + n * dist)
     return jax.tree.map(lambda x, y: jnp.where(flat, x, y), cap, result)
 
@@ -134,7 +142,9 @@ def _unless_hidden(solids: SolidPair, found: SearchResult, result: Touch) -> Tou
     normal = lax.stop_gradient(jnp.where(better, result.normal, found.normal))
     first = jnp.where(better, reached.first, earlier.first)
     second = jnp.where(better, reached.second, earlier.second)
-    other = Touch(normal @ (second - first), normal, first, second)
+    numbers = jnp.where(better, reached.numbers, earlier.numbers)
+    numbers = jnp.broadcast_to(numbers, (3, 2))
+    other = Touch(normal @ (second - first), normal, first, second, numbers)
     hidden = lax.stop_gradient(hidden)
     return jax.tree.map(lambda x, y: jnp.where(hidden, x, y), other, result)
 
@@ -240,4 +250,5 @@ def _points(solids: SolidPair, vertices: Vertices, span: _Span, n: Float[Array, 
     )
     weights = jnp.clip(jnp.where(planar, inside, straight), 0, 1)
     between, point = base + weights @ edges, first + weights @ ends
-    return Touch(n @ between, n, point, point + between)
+    numbers = span.numbers(vertices.numbers)
+    return Touch(n @ between, n, point, point + between, numbers)

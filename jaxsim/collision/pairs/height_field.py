@@ -26,6 +26,10 @@ class Prism(Polytope):
 
     max_contacts = 1
 
+    def face_normals(self):
+        """See `Solid`."""
+        return None
+
 
 def height_field_pair(
     second: type[Solid],
@@ -94,8 +98,7 @@ def _prism(field: Shape, corners: Float[Array, "6 3"]) -> Shape:
     centre = jnp.mean(corners, axis=0)
     local = corners - centre[None]
     size = jnp.max(jnp.abs(local), axis=0)
-    nothing = jnp.zeros((1, 1, 1, 3), local.dtype)
-    hull = Hull(local / size[None], nothing[0, 0], nothing, jnp.zeros((), jnp.int32))
+    hull = Hull(local / size[None], jnp.zeros((), jnp.int32))
     return Shape(field.pos + field.mat @ centre, field.mat, size, hull)
 
 

@@ -1,0 +1,212 @@
+"""Several contacts of two polytopes, at faces and edges that lie on each other, as in MuJoCo.
+
+The corners that touch define a feature of each solid: a corner, an edge or a face. If two faces of
+which the features are part are almost parallel, these faces are clipped; or else an edge that
+starts at one feature is clipped by a face of the other, if it is almost parallel to it. MuJoCo's
+rules (`multicontact` in `engine_collision_gjk.c`) say which faces and edges, where the contacts
+are, and their distances and normal.
+"""
+
+import jax
+import jax.numpy as jnp
+from flax import struct
+from jax import lax
+from jaxtyping import Array, Bool, Float, Int, Shaped
+
+from jaxsim.batching.primitives.decisions import any_in_batch
+from jaxsim.collision.convex.manifold import Manifold
+from jaxsim.collision.convex.quad import clipped_order, widest_four
+from jaxsim.collision.convex.search import SolidPair
+from jaxsim.collision.convex.solid import Feature
+from jaxsim.collision.convex.touch import Touch
+from jaxsim.collision.frames import contact_frame, tangent_of
+from jaxsim.collision.pairs.clipping import overlap_corners
+from jaxsim.collision.spread import one_hot, pick
+
+# Faces lie on each other if the cosine of the angle between their normals is below -OPPOSED, an
+# edge lies on a face if the cosine of the angle to its normal is below LEVEL.
+OPPOSED, LEVEL = 0.996, 0.0888
+# Number of contacts.
+COUNT = 4
+
+
+@struct.dataclass
+class _Meeting:
+    """What lies on what.
+
+    Attributes:
+      faces: whether two faces lie on each other.
+      edge_of_first, edge_of_second: whether an edge of one lies on a face of the other.
+      face1, face2: numbers of the faces.
+      normal1, normal2: their normals.
+      edge: start and end of the edge.
+    """
+
+    faces: Bool[Array, ""]
+    edge_of_first: Bool[Array, ""]
+    edge_of_second: Bool[Array, ""]
+    face1: Int[Array, ""]
+    face2: Int[Array, ""]
+    normal1: Float[Array, "3"]
+    normal2: Float[Array, "3"]
+    edge: Float[Array, "2 3"]
+
+
+def face_contacts(solids: SolidPair, touch: Touch) -> Manifold:
+    """The contacts of faces or edges that lie on each other, or else the one of `touch`."""
+    first = solids.first.feature(touch.numbers[:, 0])
+    second = _in_axes_of_first(solids, solids.second.feature(touch.numbers[:, 1]))
+    meeting = _meeting(first, second)
+    ring1, _ = solids.first.ring(meeting.face1)
+    ring2, count2 = solids.second.ring(meeting.face2)
+    ring2 = solids.centre[None] + ring2 @ solids.rot.T
+    # Contacts of overlapping solids are below the faces; others are for a margin.
+    limit = lax.stop_gradient(jnp.where(touch.dist > 0, jnp.inf, 0))
+    faces = _between_faces(solids, meeting, ring1, (ring2, count2), limit)
+    edges = _on_edge(meeting, ring1, ring2, limit)
+    several = jax.tree.map(lambda x, y: jnp.where(meeting.faces, x, y), faces, edges)
+    several = _apart(several, touch)
+    lies = meeting.faces | meeting.edge_of_first | meeting.edge_of_second
+    lies = lies & jnp.any(several.exists)
+    one = Manifold.of(touch, COUNT)
+    return jax.tree.map(lambda x, y: jnp.where(lies, x, y), several, one)
+
+
+def _apart(several: Manifold, touch: Touch) -> Manifold:
+    """The contacts; those of disjoint solids have the normal and the distance of `touch`."""
+    apart = lax.stop_gradient(touch.dist > 0)
+    nearest = jnp.min(jnp.where(several.exists, several.dist, jnp.inf))
+    shift = jnp.where(apart & several.exists.any(), touch.dist - nearest, 0)
+    normal = jnp.where(apart, touch.normal, several.normal)
+    return several.replace(dist=several.dist + shift, normal=normal)
+
+
+def _in_axes_of_first(solids: SolidPair, feature: Feature) -> Feature:
+    return feature.replace(
+        normal=feature.normal @ solids.rot.T,
+        corner=solids.centre + solids.rot @ feature.corner,
+        ends=solids.centre[None] + feature.ends @ solids.rot.T,
+    )
+
+
+def _meeting(first: Feature, second: Feature) -> _Meeting:
+    facing = first.normal @ second.normal.T
+    allowed = first.holds[:, None] & second.holds[None]
+    opposed, face1, face2 = _least(facing, allowed)
+    faces = opposed < -OPPOSED
+    try_first = (first.extent < 3) & (first.extent <= second.extent)
+    level1, face_of_edge1, edge1 = _first_level(first, second)
+    level2, face_of_edge2, edge2 = _first_level(second, first)
+    of_first = ~faces & try_first & level1
+    of_second = ~faces & ~try_first & (second.extent < 3) & level2
+    face1 = jnp.where(of_second, face_of_edge2, face1)
+    face2 = jnp.where(of_first, face_of_edge1, face2)
+    start = jnp.where(of_first, first.corner, second.corner)
+    end = jnp.where(of_first, pick(edge1, first.ends), pick(edge2, second.ends))
+    return _Meeting(
+        faces=faces,
+        edge_of_first=of_first,
+        edge_of_second=of_second,
+        face1=pick(face1, first.number),
+        face2=pick(face2, second.number),
+        normal1=pick(face1, first.normal),
+        normal2=pick(face2, second.normal),
+        edge=jnp.stack([start, end]),
+    )
+
+
+def _first_level(on: Feature, below: Feature):
+    """Whether an edge lies on a face, and masks of the first such face and the first such edge."""
+    step = on.ends - on.corner[None]
+    square = jnp.sum(step**2, axis=1)
+    regular = on.along & (square > 0)
+    step = step / jnp.sqrt(jnp.where(regular, square, 1))[:, None]
+    level = jnp.abs(below.normal @ step.T) < LEVEL
+    level = level & below.holds[:, None] & regular[None]
+    return jnp.any(level), *_row_and_column(level)
+
+
+def _least(x: Float[Array, "m n"], allowed: Bool[Array, "m n"]):
+    """The least of the allowed elements (1 if there are none), and masks of its row and column."""
+    x = jnp.where(allowed, lax.stop_gradient(x), 1)
+    return jnp.min(x), *_row_and_column(-x)
+
+
+def _row_and_column(x: Shaped[Array, "m n"]) -> tuple[Bool[Array, "m"], Bool[Array, "n"]]:
+    """Masks of the row and the column of the largest element; the first among equals."""
+    largest = one_hot(x.ravel()).reshape(x.shape)
+    return jnp.any(largest, axis=1), jnp.any(largest, axis=0)
+
+
+def _between_faces(solids: SolidPair, meeting: _Meeting, ring1, ring_count2, limit) -> Manifold:
+    """Corners of the intersection in the plane of the first face, projected along its normal.
+
+    A contact is between such a corner and its projection on the second face.
+    """
+    ring2, count2 = ring_count2
+    n1, n2 = meeting.normal1, meeting.normal2
+    frame = contact_frame(n1, tangent_of(n1))
+    flat1, flat2 = ring1 @ frame.T, ring2 @ frame.T
+    points, exists = overlap_corners(flat2[:, 1:], flat1[::-1, 1:], solids.size)
+    height = jnp.broadcast_to(flat1[0, 0], (len(points), 1))
+    on_first = jnp.concatenate([height, points], axis=1) @ frame
+    dist = (on_first - ring2[:1]) @ n2
+    exists = exists & meeting.faces & (lax.stop_gradient(dist) <= limit)
+    flat = lax.stop_gradient((points, flat1[:, 1:], flat2[:, 1:], solids.size))
+    numbers, kept = _at_most_four(*flat, exists, count2)
+    dist, on_first = dist[numbers], on_first[numbers]
+    return Manifold(dist, on_first - n2[None] * (dist / 2)[:, None], kept, -n2)
+
+
+def _at_most_four(points, window, subject, size, exists, count2):
+    """Numbers of four corners, and whether each exists."""
+    number = jnp.sum(exists)
+    rank = jnp.cumsum(exists) - 1
+    chosen = jnp.stack([one_hot(exists & (rank == k)) for k in range(COUNT)])
+    some = jnp.sum(jnp.where(chosen, jnp.arange(len(points)), 0), axis=1, dtype=jnp.int32)
+
+    def widest():
+        small = 4 * float(jnp.finfo(points.dtype).eps) * size
+        order = clipped_order(subject, count2, window, small)
+        found = widest_four(points, exists, order)
+        # If rounding has led to other corners, the polygon's first corners are as good.
+        right = exists[found].all() & (found >= 0).all()
+        return jnp.where((number > COUNT) & right, found, some)
+
+    numbers = lax.cond(any_in_batch(number > COUNT), widest, lambda: some)
+    return numbers, jnp.arange(COUNT) < number
+
+
+def _on_edge(meeting: _Meeting, ring1, ring2, limit) -> Manifold:
+    """The ends of an edge, clipped by the sides of a face; a cut end counts twice if alone."""
+    sides = max(len(ring1), len(ring2))
+    ring = jnp.where(meeting.edge_of_second, *(_padded(r, sides) for r in (ring1, ring2)))
+    normal = jnp.where(meeting.edge_of_second, meeting.normal1, meeting.normal2)
+    begin, end = _within(meeting.edge, ring, normal)
+    step = meeting.edge[1] - meeting.edge[0]
+    ends = meeting.edge[:1] + jnp.stack([begin, end])[:, None] * step[None]
+    dist = (ends - ring[:1]) @ normal
+    below = (begin < end) & (lax.stop_gradient(dist) <= limit)
+    cut = jnp.stack([begin > 0, end < 1])
+    take = jnp.where(below, jnp.arange(2), jnp.arange(2)[::-1])[jnp.array([0, 1, 1, 1])]
+    dist, ends = dist[take], ends[take]
+    twice = below.all() | (below & cut).any()
+    exists = jnp.stack([below.any(), twice, *(jnp.zeros((), bool),) * 2])
+    middle = ends - normal[None] * (dist / 2)[:, None]
+    return Manifold(dist, middle, exists, jnp.where(meeting.edge_of_second, normal, -normal))
+
+
+def _padded(ring: Float[Array, "p 3"], sides: int) -> Float[Array, "{sides} 3"]:
+    return jnp.concatenate([ring, jnp.repeat(ring[-1:], sides - len(ring), axis=0)])
+
+
+def _within(edge: Float[Array, "2 3"], ring: Float[Array, "p 3"], normal: Float[Array, "3"]):
+    """The part of an edge above or below a face (Cyrus and Beck, 1978), as fractions of it."""
+    inward = jnp.cross(jnp.roll(ring, -1, axis=0) - ring, normal[None])
+    from_start, from_end = (jnp.sum(inward * (x[None] - ring), axis=1) for x in edge)
+    rise = from_end - from_start
+    crossing = -from_start / jnp.where(rise != 0, rise, 1)
+    begin = jnp.max(jnp.where(rise > 0, crossing, 0), initial=0)
+    end = jnp.min(jnp.where(rise < 0, crossing, 1), initial=1)
+    outside = jnp.any((from_start < 0) & (from_end < 0))
+    return begin, jnp.where(outside, begin - 1, end)

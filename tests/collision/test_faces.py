@@ -1,0 +1,86 @@
+"""Contacts of polytopes without a margin: MuJoCo's points, distances and normal, one by one."""
+
+import jax
+import mujoco
+import numpy as np
+import pytest
+from pair_sizes import hulls, values
+from scipy.optimize import linear_sum_assignment
+
+WEDGE = "-.1 -.12 -.05  .1 -.12 -.05  .1 .12 -.05  -.1 .12 -.05  0 .1 .1  0.02 -.1 .1"
+N = 60
+
+
+def drum(sides=11):
+    """Corners of a prism whose caps have more corners than there are contacts, all different."""
+    angle = 2 * np.pi * (np.arange(sides) + 0.3 * np.sin(np.arange(sides))) / sides
+    ring = np.stack([0.12 * np.cos(angle), 0.09 * np.sin(angle)], axis=1)
+    return np.concatenate([np.insert(ring, 2, z, axis=1) for z in (-0.06, 0.07)])
+
+
+SHAPES = {
+    "box": '<geom type="box" size=".08 .11 .14"/>',
+    "wedge": '<geom type="mesh" mesh="wedge"/>',
+    "drum": '<geom type="mesh" mesh="drum"/>',
+}
+
+
+def scene(names):
+    corners = " ".join(f"{x:.7f}" for x in drum().ravel())
+    return mujoco.MjModel.from_xml_string(
+        f"""<mujoco><asset><mesh name="wedge" vertex="{WEDGE}"/>
+        <mesh name="drum" vertex="{corners}"/></asset><worldbody>
+        <body mocap="true">{SHAPES[names[0]]}</body>
+        <body><freejoint/>{SHAPES[names[1]]}</body></worldbody></mujoco>"""
+    )
+
+
+def turned(axis, angle):
+    quat, mat = np.zeros(4), np.zeros(9)
+    mujoco.mju_axisAngle2Quat(quat, np.asarray(axis, float), angle)
+    mujoco.mju_quat2Mat(mat, quat)
+    return mat.reshape(3, 3)
+
+
+def resting(model, rng):
+    """Poses in which a side of the second lies, up to 0.1 rad, on a side of the first."""
+    data = mujoco.MjData(model)
+    while True:
+        quarter = turned(np.eye(3)[rng.integers(3)], np.pi / 2 * rng.integers(4))
+        lean = turned(np.append(rng.normal(size=2), 0), rng.uniform(0, 0.1))
+        mat = lean @ turned([0, 0, 1], rng.uniform(0, 6)) @ quarter
+        mujoco.mju_mat2Quat(data.qpos[3:7], mat.ravel())
+        data.qpos[:2] = rng.uniform(-0.08, 0.08, 2)
+        side = rng.choice([-1, 1])
+        for height in np.linspace(0.4, 0, 400):
+            data.qpos[2] = side * height
+            mujoco.mj_fwdPosition(model, data)
+            if data.ncon and data.contact.dist.min() < -1e-3:
+                yield data
+                break
+
+
+def difference(ours, theirs):
+    """Largest difference of matched contacts; each is a row of distance, point and normal."""
+    apart = np.abs(ours[:, None] - theirs[None]).max(axis=2)
+    return apart[linear_sum_assignment(apart)].max()
+
+
+@pytest.mark.parametrize("names", [("box", "wedge"), ("box", "drum"), ("wedge", "drum")])
+def test_contacts_are_mujocos(names, rng):
+    model = scene(names)
+    theirs, poses = [], []
+    for data, _ in zip(resting(model, rng), range(N), strict=False):
+        contact = data.contact
+        theirs.append(np.column_stack([contact.dist, contact.pos, contact.frame[:, :3]]))
+        poses.append((data.geom_xpos.copy(), data.geom_xmat.reshape(2, 3, 3).copy()))
+    pos, mat = (np.array(x) for x in zip(*poses, strict=True))
+    types = tuple("box" if n == "box" else "mesh" for n in names)
+    dist, middle, normal = jax.device_get(values(types)(pos, mat, model.geom_size, hulls(model)))
+    same = []
+    for k in range(N):
+        ours = np.column_stack([dist[k], middle[k], normal[k]])[dist[k] < 0]
+        same.append(len(ours) == len(theirs[k]) and difference(ours, theirs[k]) < 1e-6)
+    # MuJoCo stores corners in float32, so corners of a face that should be level may not be.
+    assert np.mean(same) >= 0.95
+    assert max(map(len, theirs)) == 4
