@@ -9,6 +9,7 @@ from jaxsim.arrays.indexing import Index, gather
 from jaxsim.collision import Contact, ContactKind
 from jaxsim.constraint.block import Block, RowType
 from jaxsim.constraint.contact_rows import ContactRows, contact_rows
+from jaxsim.constraint.conveyor import surface_velocity
 from jaxsim.constraint.jacobian import row_velocity
 from jaxsim.constraint.laws import LAWS, ContactState, Material, contact_material
 from jaxsim.dynamics.motion import Motion
@@ -54,11 +55,14 @@ def _block(motion: Motion, contact: Contact, kind: ContactKind) -> Block:
     bodies = [gather(model.geom_bodyid, geom) for geom in (contact.geom1, contact.geom2)]
     jacobian = _jacobian(motion, contact, kind, bodies)
     first, second = (gather(model.body_invweight0, body) for body in bodies)
+    velocity = row_velocity(motion, jacobian)
+    if model.nonzero_rows("geom_surfacevel"):
+        velocity = velocity + surface_velocity(motion, contact)[:, : kind.condim]
     state = ContactState(
         dist=contact.dist,
         includemargin=contact.includemargin,
         rounding=_rounding(contact.pos),
-        velocity=row_velocity(motion, jacobian),
+        velocity=velocity,
         inverse_weight=(first + second)[:, 0],
         friction=contact.friction,
         solref=contact.solref,

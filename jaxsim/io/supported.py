@@ -107,7 +107,6 @@ def _attributes(mj: mujoco.MjModel) -> tuple[tuple[str, str, np.ndarray, str], .
     return (
         ("actuator", "delay", mj.actuator_delay, remove),
         ("actuator", "more than one control", mj.actuator_ctrlnum - 1, "use one each"),
-        ("geom", "surfacevel", mj.geom_surfacevel, remove),
         ("geom", "adhesion", mj.geom_adhesion, remove),
         ("pair", "adhesion", mj.pair_adhesion, remove),
         ("sensor", "delay", mj.sensor_delay, remove),

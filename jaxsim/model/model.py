@@ -115,6 +115,7 @@ class Model:
     geom_pos: Float[Array, "ngeom 3"]
     geom_quat: Float[Array, "ngeom 4"]
     geom_friction: Float[Array, "ngeom 3"]
+    geom_surfacevel: Float[Array, "ngeom 6"]
     geom_fluid: Float[Array, "ngeom 12"]
     geom_margin: Float[Array, "ngeom"]
     geom_gap: Float[Array, "ngeom"]

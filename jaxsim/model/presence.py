@@ -17,6 +17,7 @@ _AXES = {
     "opt.viscosity": (),
     "body_gravcomp": ("nbody",),
     "dof_frictionloss": ("nv",),
+    "geom_surfacevel": ("ngeom", "6"),
     "tendon_armature": ("ntendon",),
     "tendon_damping": ("ntendon",),
     "tendon_dampingpoly": ("ntendon", "npoly"),

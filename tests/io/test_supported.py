@@ -30,7 +30,6 @@ OPTIONS = {
 }
 
 GEOMS = {
-    'surfacevel="1 0 0"': "geom 'ball': surfacevel .* remove",
     'adhesion="1"': "geom 'ball': adhesion .* remove",
 }
 

@@ -23,11 +23,13 @@ XML = """
   <actuator><motor joint="a"/><motor tendon="t"/></actuator>
 </mujoco>
 """
+FLOOR = '<worldbody><geom type="plane" size="1 1 1" pos="0 0 .702"/>'
 VALUES = {
     "opt.density": 900.0,
     "opt.viscosity": 0.7,
     "body_gravcomp": [0, 0.3, 0.6],
     "dof_frictionloss": [0.4, 0.2],
+    "geom_surfacevel": [[0.3, 0.2, 0, 0, 0, 1], [0] * 6, [0] * 6],
     "tendon_armature": [0.6],
     "tendon_damping": [0.8],
     "tendon_dampingpoly": [[0.3, 0.1]],
@@ -66,8 +68,10 @@ def test_each_takes_effect_and_has_a_derivative(integrator, x64):
     """Value against MuJoCo, derivative along the change against central differences."""
     # MuJoCo looks at some of them only where they were there when it compiled.
     text = XML.format(integrator=integrator).replace("<body ", '<body gravcomp="1" ')
-    mj = mujoco.MjModel.from_xml_string(text.replace("<motor ", '<motor damping="1" '))
+    text = text.replace("<motor ", '<motor damping="1" ').replace("<worldbody>", FLOOR)
+    mj = mujoco.MjModel.from_xml_string(text.replace("<geom ", '<geom surfacevel="1 0 0" '))
     mj.body_gravcomp[:], mj.actuator_damping[:], mj.opt.tolerance = 0, 0, 0
+    mj.geom_surfacevel[:] = 0
     model, plain = jaxsim.load(mj), velocity(mj)
     for name, numbers in VALUES.items():
         value = jnp.asarray(numbers, float)
