@@ -1,5 +1,8 @@
 """Blocks of contact rows, with the cost that the model's contact law gives them."""
 
+from collections.abc import Callable
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,18 +14,33 @@ from jaxsim.constraint.block import Block, RowType
 from jaxsim.constraint.contact_rows import ContactRows, contact_rows
 from jaxsim.constraint.conveyor import surface_velocity
 from jaxsim.constraint.jacobian import row_velocity
-from jaxsim.constraint.laws import LAWS, ContactState, Material, contact_material
+from jaxsim.constraint.laws import (
+    LAWS,
+    Blur,
+    ContactState,
+    Material,
+    blurred,
+    contact_material,
+)
 from jaxsim.dynamics.motion import Motion
-from jaxsim.model import Model
+from jaxsim.model import Model, Option
 
 # Bound on the rounding error of a distance, in units of rounding of positions in metres.
 _UNITS = 4
 
 
-def contact_blocks(motion: Motion, contact: Contact) -> list[Block]:
-    """One block of rows for each kind of contact, in the order of the slots."""
+def contact_blocks(motion: Motion, contact: Contact, blur: Blur | None = None) -> list[Block]:
+    """One block of rows for each kind of contact, in the order of the slots.
+
+    Args:
+      motion: position and velocity.
+      contact: the contacts there.
+      blur: how much the law of contact is smoothed; None for the law itself.
+    """
+    sharp = LAWS[motion.model.contact]
+    law = sharp if blur is None else blurred(sharp, blur)
     ranges = [r for r in contact.ranges if r.stop > r.start]
-    return [_block(motion, _slots(contact, r.slots), r.kind) for r in ranges]
+    return [_block(motion, _slots(contact, r.slots), r.kind, law) for r in ranges]
 
 
 def contact_forces(
@@ -50,7 +68,12 @@ def _slots(contact: Contact, slots: slice) -> Contact:
     return contact.replace(**{name: getattr(contact, name)[slots] for name in fields})
 
 
-def _block(motion: Motion, contact: Contact, kind: ContactKind) -> Block:
+def _block(
+    motion: Motion,
+    contact: Contact,
+    kind: ContactKind,
+    law: Callable[[Option, ContactState], Any],
+) -> Block:
     model = motion.model
     bodies = [gather(model.geom_bodyid, geom) for geom in (contact.geom1, contact.geom2)]
     jacobian = _jacobian(motion, contact, kind, bodies)
@@ -70,7 +93,6 @@ def _block(motion: Motion, contact: Contact, kind: ContactKind) -> Block:
         solimp=contact.solimp,
         material=None if model.contact == "mujoco" else _material(model, contact),
     )
-    law = LAWS[model.contact]
     cost = jax.vmap(lambda c: law(model.opt, c))(state)
     return Block(cost, jacobian, RowType.CONTACT, weight=state.inverse_weight)
 

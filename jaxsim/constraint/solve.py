@@ -15,7 +15,7 @@ from jaxsim.constraint.compaction import with_compacted_contacts
 from jaxsim.constraint.contact import contact_blocks, contact_forces
 from jaxsim.constraint.equality import equality_blocks
 from jaxsim.constraint.friction import friction_blocks
-from jaxsim.constraint.laws import ON_VELOCITIES, RIGID, check_law
+from jaxsim.constraint.laws import ON_VELOCITIES, RIGID, Blur, check_law
 from jaxsim.constraint.limit import limit_blocks
 from jaxsim.constraint.noslip import PASSES, without_slip
 from jaxsim.constraint.operators import TreeOperator, make_operator
@@ -57,13 +57,13 @@ class Constrained:
     status: SolverStatus
 
 
-def constraint_blocks(motion: Motion, contact: Contact) -> list[Block]:
-    """All constraint rows, in MuJoCo's order."""
+def constraint_blocks(motion: Motion, contact: Contact, blur: Blur | None = None) -> list[Block]:
+    """All constraint rows, in MuJoCo's order; those of contacts may be blurred."""
     if motion.model.opt.disabled(_CONSTRAINT_OFF) or motion.model.nv == 0:
         return []
     blocks = [*equality_blocks(motion), *friction_blocks(motion), *limit_blocks(motion)]
     if not motion.model.opt.disabled(_CONTACT_OFF):
-        blocks += contact_blocks(motion, contact)
+        blocks += contact_blocks(motion, contact, blur)
     return blocks
 
 
@@ -172,20 +172,26 @@ def _minimiser(
     return minimised
 
 
-def constrained_at(motion: Motion, contact: Contact, qacc: Float[Array, "nv"]) -> Constrained:
+def constrained_at(
+    motion: Motion,
+    contact: Contact,
+    qacc: Float[Array, "nv"],
+    blur: Blur | None = None,
+) -> Constrained:
     """The constraint forces for a known acceleration, which need no solve.
 
     Args:
       motion: position and velocity.
       contact: the contacts there.
       qacc: acceleration.
+      blur: how much the law of contact is smoothed; None for the law itself.
     """
     if motion.model.contact in RIGID:
         raise ModelError(
             f"contact={motion.model.contact!r} has no forces that are a function of the "
             "acceleration; load the model with another contact law for its inverse dynamics"
         )
-    blocks = constraint_blocks(motion, contact)
+    blocks = constraint_blocks(motion, contact, blur)
     operator = make_operator(motion.model, motion.kin, blocks, "articulated")
     y = operator.lift(to_compound_order(motion.model, qacc))
     forces = Problem(tuple(block.kind for block in blocks)).forces(operator.rows(y))

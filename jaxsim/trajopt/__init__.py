@@ -1,6 +1,7 @@
 """Trajectory optimisation: one problem, several ways to solve it."""
 
 from jaxsim.trajopt.ilqr import ILQR
+from jaxsim.trajopt.inverse_dynamics import InverseDynamics
 from jaxsim.trajopt.plan import Iterate, Plan, PlanStatus
 from jaxsim.trajopt.predictive_control import Track, mpc, replan
 from jaxsim.trajopt.problem import Problem, ProblemError, make_problem
@@ -12,6 +13,7 @@ __all__ = [
     "CEM",
     "ILQR",
     "MPPI",
+    "InverseDynamics",
     "Iterate",
     "Method",
     "Plan",

@@ -62,14 +62,14 @@ def expand(problem: Problem, states: Any, ctrls: Float[Array, "T nu"]) -> Expans
         before, ctrls, after
     )
     steps = jnp.arange(problem.horizon)
-    gradient, hessian = jax.vmap(lambda *at: _second_order(running, origin, *at))(
+    gradient, hessian = jax.vmap(lambda *at: second_order(running, origin, *at))(
         before, ctrls, steps
     )
     last = jax.tree.map(lambda x: x[-1], states)
-    return Expansion(jacobian, defect, gradient, hessian, *_second_order(final, origin[:n], last))
+    return Expansion(jacobian, defect, gradient, hessian, *second_order(final, origin[:n], last))
 
 
-def _second_order(cost, origin, *at):
+def second_order(cost, origin, *at):
     """Gradient and the nearest positive semidefinite matrix to the Hessian."""
 
     def gradient(z):

@@ -46,6 +46,7 @@ class Problem:
       final_cost: `(x)` to a number, of the last state.
       low: least controls; may be infinite.
       high: greatest controls.
+      frame_skip: steps of the dynamics for which a control is held.
     """
 
     step: Callable[[Any, Float[Array, "nu"]], Any]
@@ -56,6 +57,7 @@ class Problem:
     final_cost: Callable[[Any], Scalar]
     low: Float[Array, "nu"]
     high: Float[Array, "nu"]
+    frame_skip: int = 1
 
     def replace(self, **changes: Any) -> "Problem":
         """The same problem but for some attributes."""
@@ -158,6 +160,7 @@ def make_problem(
         final_cost=lambda x: jnp.asarray(final_cost(x), kind),
         low=low,
         high=high,
+        frame_skip=frame_skip,
     )
     _check_cost("running_cost", running_cost, start, low, jnp.zeros((), int))
     _check_cost("final_cost", final_cost, start)

@@ -1,0 +1,93 @@
+"""Scenes in which something moves only if it is touched; for optimisers that look for contacts."""
+
+import re
+
+import jax.numpy as jnp
+
+import jaxsim
+from jaxsim import trajopt
+
+TIMESTEP = 0.05
+
+# A finger of two links, and a wheel beside its tip, seen from above.
+SPINNER = """<mujoco><option timestep="0.05" gravity="0 0 0"/>
+  <default><joint axis="0 1 0" damping="0.1"/><geom friction="0.5"/></default><worldbody>
+  <body><joint name="one"/><inertial pos="0 0 .5" mass="1" diaginertia=".0839 .0839 .00125"/>
+    <body pos="0 0 1"><joint name="two"/>
+      <inertial pos="0 0 .5" mass="1" diaginertia=".0839 .0839 .00125"/>
+      <geom name="tip" pos="0 0 .95" size=".05"/></body></body>
+  <body pos="1.5 0 1"><joint/><inertial pos="0 0 0" mass="1" diaginertia=".054 .074 .022"/>
+    <geom name="wheel" size=".25"/></body></worldbody>
+  <actuator><motor joint="one"/><motor joint="two"/></actuator></mujoco>"""
+
+# A torso, a leg and a foot that touches the ground at toe and heel.
+HOPPER = """<mujoco><option timestep="0.05"/>
+  <default><joint axis="0 -1 0"/><geom contype="0" conaffinity="1" friction="1"/></default>
+  <worldbody><geom name="floor" type="plane" size="0 0 1" contype="1"/>
+  <body><joint type="slide" axis="0 0 1"/><joint type="slide" axis="-1 0 0"/><joint/>
+    <inertial pos="0 0 0" mass="1" diaginertia=".013 .013 .013"/>
+    <body pos="0 0 -.2"><joint name="knee"/>
+      <inertial pos="0 0 -.2" mass=".2" diaginertia=".01 .01 .01"/>
+      <body pos="0 0 -.4"><joint name="ankle"/>
+        <inertial pos=".05 0 0" mass=".1" diaginertia=".005 .005 .005"/>
+        <geom name="toe" pos=".15 0 0" size=".03"/><geom name="heel" pos="-.05 0 0" size=".03"/>
+  </body></body></body></worldbody>
+  <actuator><motor joint="knee"/><motor joint="ankle"/></actuator></mujoco>"""
+
+# A finger beside a box that glides on oil.
+PUSHER = """<mujoco><option timestep="0.05" gravity="0 0 0"/>
+  <default><geom friction="0.5"/></default>
+  <worldbody><body><joint type="slide" axis="1 0 0" damping="4"/>
+    <joint type="slide" axis="0 1 0" damping="4"/><joint axis="0 0 1" damping=".05"/>
+    <geom name="box" type="box" size=".1 .1 .05" mass="1"/></body>
+  <body pos="-.2 0 0"><joint name="x" type="slide" axis="1 0 0"/>
+    <joint name="y" type="slide" axis="0 1 0"/><geom name="finger" size=".04" mass=".5"/></body>
+  </worldbody><actuator><motor joint="x"/><motor joint="y"/></actuator></mujoco>"""
+
+
+def quadratic_problem(model, start, goal, *, force, positions=1.0, velocities=0.1, horizon=40):
+    """Sums of squares of what is left to the goal, of velocities and of controls."""
+
+    def running_cost(x, u, t):
+        left, slow = jnp.sum(positions * (x.qpos - goal) ** 2), jnp.sum(x.qvel**2)
+        return TIMESTEP * (left + velocities * slow + force * jnp.sum(u**2))
+
+    def final_cost(x):
+        return 10 * jnp.sum(positions * (x.qpos - goal) ** 2) + jnp.sum(x.qvel**2)
+
+    return trajopt.make_problem(
+        model, start, horizon=horizon, running_cost=running_cost, final_cost=final_cost
+    )
+
+
+def load(xml, law, stiffness):
+    """The model; two of its geoms in touch are a spring of this stiffness (N/m)."""
+    each = {"stiffness": 2.0 * stiffness}
+    names = re.findall('<geom name="([^"]+)"', xml)
+    return jaxsim.load(xml, contact=law, materials=dict.fromkeys(names, each))
+
+
+def spinner(law="lagged"):
+    """The wheel shall turn by two radians; the published start, where the tip is 8 cm away."""
+    model = load(SPINNER, law, 200)
+    start = jaxsim.make_state(model).replace(qpos=jnp.array([0.3, 1.5, 0.0]))
+    return quadratic_problem(model, start, jnp.array([0.3, 1.5, 2.0]), force=0.1)
+
+
+def hopper(law="lagged"):
+    """Half a metre forwards; the published start and its straight line to the goal."""
+    model = load(HOPPER, law, 800)
+    home = jnp.array([0.61, 0.0, 0.3, -0.5, 0.2])
+    goal = home.at[1].set(-0.5)
+    start = jaxsim.make_state(model).replace(qpos=home)
+    problem = quadratic_problem(model, start, goal, force=0.1)
+    part = jnp.arange(1, 41)[:, None] / 40
+    return problem, home[None] + part * (goal - home)[None]
+
+
+def push(model, goal):
+    """The box, from rest at the origin to a pose (x, y, turn); the finger may end anywhere."""
+    weights = jnp.array([10.0, 10.0, 1.0, 0.0, 0.0])
+    target = jnp.concatenate([goal, jnp.zeros(2)])
+    start = jaxsim.make_state(model)
+    return quadratic_problem(model, start, target, force=1e-3, positions=weights)

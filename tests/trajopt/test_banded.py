@@ -1,0 +1,31 @@
+"""Block-pentadiagonal matrices, against dense ones."""
+
+import jax.numpy as jnp
+import numpy as np
+from oracle import quick_jit
+
+from jaxsim.trajopt.banded import assemble, assemble_vector
+
+
+def test_sums_and_solutions_are_those_of_dense_matrices(x64, rng):
+    """Local quadratics about three steps each, of which the steps before the first are known."""
+    T, m = 6, 3
+    root = rng.normal(size=(T + 1, 3 * m, 3 * m))
+    local = root @ root.transpose(0, 2, 1)
+    slopes = rng.normal(size=(T + 1, 3 * m))
+    # Steps -1 to T + 1; the t-th quadratic is about t - 1, t and t + 1.
+    H, g = np.zeros(((T + 3) * m,) * 2), np.zeros((T + 3) * m)
+    for t in range(T + 1):
+        at = slice(t * m, (t + 3) * m)
+        H[at, at] += local[t]
+        g[at] += slopes[t]
+    unknown = slice(2 * m, -m)
+    expected = np.linalg.solve(H[unknown, unknown], g[unknown]).reshape(T, m)
+
+    @quick_jit
+    def solve(local, slopes):
+        matrix = assemble(local.reshape(T + 1, 3, m, 3, m))
+        return matrix.solve(assemble_vector(slopes.reshape(T + 1, 3, m)))
+
+    found = solve(jnp.asarray(local), jnp.asarray(slopes))
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-11)

@@ -1,0 +1,128 @@
+"""Optimisation over positions: optima of linear problems, and contacts that it finds."""
+
+import contact_scenes as scenes
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from oracle import quick_jit
+
+import jaxsim
+from jaxsim import trajopt
+
+MASS = """<mujoco><option timestep=".1" gravity="0 0 0" {}/><worldbody><body>
+  <joint name="x" type="slide" damping=".5"/><geom size=".1" mass="2"/></body></worldbody>
+  <actuator>{}</actuator></mujoco>"""
+MOTOR = '<motor joint="x" ctrllimited="true" ctrlrange="-1.5 1.5"/>'
+
+
+def reach(model, horizon=12):
+    """One metre, with little force; the first controls are at the limit."""
+    return trajopt.make_problem(
+        model,
+        horizon=horizon,
+        running_cost=lambda x, u, t: 0.01 * u @ u + 0.1 * x.qvel @ x.qvel,
+        final_cost=lambda x: 50 * (x.qpos[0] - 1) ** 2 + x.qvel @ x.qvel,
+    )
+
+
+def best_ctrls(qpos, horizon=12, h=0.1, mass=2.0, damping=0.5):
+    """The optimum of `reach` without limits, as linear least squares in the controls."""
+    v, q, rows = np.zeros(horizon + 1), np.eye(horizon + 1)[-1] * qpos, []  # last: constant part
+    for u in np.eye(horizon, horizon + 1):
+        rows += [0.1 * u, np.sqrt(0.1) * v]
+        v = (mass * v + h * u) / (mass + h * damping)
+        q = q + h * v
+    rows += [np.sqrt(50) * (q - np.eye(horizon + 1)[-1]), v]
+    rows = np.array(rows)
+    u = np.linalg.lstsq(rows[:, :-1], -rows[:, -1], rcond=None)[0]
+    return u, np.sum((rows @ np.append(u, 1)) ** 2)
+
+
+def test_linear_problems_have_their_exact_optimum(x64):
+    """For two starts at once; the engine follows the plan."""
+    model = jaxsim.load(MASS.format("", MOTOR))
+    problem, method = reach(model), trajopt.InverseDynamics(tolerance=1e-6)
+
+    @quick_jit
+    @jax.vmap
+    def plans(qpos):
+        start = problem.start.replace(qpos=qpos)
+        plan = trajopt.solve(problem.replace(start=start), method, jnp.zeros((12, 1)))
+        return plan, jaxsim.rollout(model, start, plan.ctrls)[1]
+
+    starts = 0.9, 0.85
+    plan, replay = plans(jnp.array(starts)[:, None])
+    assert (plan.status == trajopt.PlanStatus.CONVERGED).all()
+    assert plan.defect.max() < 1e-7
+    for i, qpos in enumerate(starts):
+        ctrls, cost = best_ctrls(qpos)
+        assert np.abs(ctrls).max() < 1.5, "limits do not matter"
+        np.testing.assert_allclose(plan.cost[i], cost, rtol=1e-3)
+        np.testing.assert_allclose(plan.ctrls[i, :, 0], ctrls, atol=0.05)
+    np.testing.assert_allclose(replay.qpos, plan.states.qpos[:, 1:], atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("options", "actuator", "law", "message"),
+    [
+        ("", MOTOR, "hard", "forces that need no solve, not 'hard'"),
+        ("integrator='RK4'", MOTOR, "mujoco", "needs integrator 'Euler'"),
+        ("", '<general joint="x" dyntype="integrator"/>', "mujoco", "without activation"),
+    ],
+)
+def test_what_it_cannot_do_is_an_error(options, actuator, law, message):
+    model = jaxsim.load(MASS.format(options, actuator), contact=law)
+    with pytest.raises(trajopt.ProblemError, match=message):
+        trajopt.solve(reach(model), trajopt.InverseDynamics())
+
+
+def test_bad_problems_and_guesses_are_errors():
+    cost = lambda x, u, t: u @ u  # noqa: E731
+    model = jaxsim.load(MASS.format("", MOTOR))
+    skips = trajopt.make_problem(model, horizon=3, running_cost=cost, frame_skip=2)
+    function = trajopt.make_problem(
+        lambda x, u: x + u, jnp.zeros(1), horizon=3, running_cost=cost, nu=1
+    )
+    for problem, method, message in (
+        (skips, trajopt.InverseDynamics(), "needs frame_skip=1"),
+        (function, trajopt.InverseDynamics(), "dynamics that are a jaxsim.Model"),
+        (reach(model), trajopt.InverseDynamics(path=np.zeros((3, 1))), r"shape \(12, 1\)"),
+    ):
+        with pytest.raises(trajopt.ProblemError, match=message):
+            trajopt.solve(problem, method)
+
+
+def check(problem, plan):
+    """The plan misses no force, and the engine follows it."""
+    assert plan.defect < 1e-6
+    _, replay = quick_jit(lambda u: jaxsim.rollout(problem.space.model, problem.start, u))(
+        plan.ctrls
+    )
+    np.testing.assert_allclose(replay.qpos, plan.states.qpos[1:], atol=1e-6)
+    np.testing.assert_allclose(replay.qvel, plan.states.qvel[1:], atol=1e-5)
+
+
+def solved(problem, method):
+    """The plan from controls that are zero."""
+    return quick_jit(lambda u: trajopt.solve(problem, method, u))(
+        jnp.zeros((problem.horizon, problem.low.size))
+    )
+
+
+@pytest.mark.slow
+def test_a_finger_turns_a_wheel_that_it_does_not_touch(x64):
+    problem = scenes.spinner()
+    plan = solved(problem, trajopt.InverseDynamics(reach=0.03))
+    check(problem, plan)
+    np.testing.assert_allclose(plan.states.qpos[-1, 2], 2, atol=0.1)
+    assert plan.cost < 6, "doing nothing costs 48"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("goal", [(0.3, 0.1, 0.3), (0.4, 0.0, 0.0), (0.25, -0.1, -0.2)])
+def test_a_finger_pushes_a_box_to_a_pose(x64, goal):
+    problem = scenes.push(scenes.load(scenes.PUSHER, "sap", 500), jnp.array(goal))
+    plan = solved(problem, trajopt.InverseDynamics(reach=0.02))
+    check(problem, plan)
+    np.testing.assert_allclose(plan.states.qpos[-1, :3], goal, atol=0.05)
