@@ -182,15 +182,28 @@ def test_equal_environments_are_compiled_once(env):
     twin = gymnasium.make("jaxsim/Fast-v0")
     twin.reset(seed=1)
     twin.step([0.0])
-    program, _ = single._step(env.unwrapped._placed)
-    assert single._step(twin.unwrapped._placed)[0] is program
+    layout = env.unwrapped._layout
+    program, _ = single._step(env.unwrapped._placed, layout)
+    assert single._step(twin.unwrapped._placed, twin.unwrapped._layout)[0] is program
     assert program._cache_size() == 1
 
 
 def test_another_model_is_another_program(env):
     inner = env.unwrapped.env
     heavy = inner.with_model(inner.model.replace(body_mass=2 * inner.model.body_mass))
-    assert single._step(Constant(heavy)) is not single._step(env.unwrapped._placed)
+    assert single._restart(Constant(heavy)) is not single._restart(env.unwrapped._placed)
+
+
+def test_a_state_can_be_kept_and_set_again(env):
+    """Steps from it are those that were made before, bit by bit."""
+    env.reset(seed=0)
+    kept = env.unwrapped.state
+    first = env.step([0.3])
+    env.step([0.1])
+    env.unwrapped.state = kept
+    again = env.step([0.3])
+    np.testing.assert_array_equal(first[0], again[0])
+    assert first[1:] == again[1:]
 
 
 def test_mistakes_are_named(env):

@@ -1,5 +1,6 @@
 """`gymnasium.make("jaxsim/Ant-v0")`: one environment behind Gymnasium's `Env`."""
 
+import functools
 from collections.abc import Callable
 from typing import Any, ClassVar
 
@@ -12,6 +13,7 @@ from jaxsim.envs.bridges import batch, packing, render, spaces
 from jaxsim.envs.bridges.constant import Constant, programs_of
 from jaxsim.envs.bridges.documented import documented
 from jaxsim.envs.bridges.fork import check_fork
+from jaxsim.envs.bridges.words import Words
 from jaxsim.envs.registry.entries import make
 from jaxsim.parallel.devices import compiled
 
@@ -21,9 +23,6 @@ class GymnasiumEnv(gymnasium.Env):
 
     For training, use `gymnasium.make_vec`: thousands of environments take little more time than
     one.
-
-    Attributes:
-      state: its `EnvState`; None before the first reset.
     """
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 50}
@@ -59,7 +58,8 @@ class GymnasiumEnv(gymnasium.Env):
             spaces.observation_space(self.env) if known is None else known.observation_space
         )
         self.action_space = spaces.action_space(self.env) if known is None else known.action_space
-        self.state: EnvState | None = None
+        self._layout: Words | None = None
+        self._words: jax.Array | None = None
         self._key = None
         self._frames = render.frames(self.env, width, height, camera) if render_mode else None
 
@@ -71,6 +71,18 @@ class GymnasiumEnv(gymnasium.Env):
     @env.setter
     def env(self, env: Env) -> None:
         self._constant = Constant(env)
+
+    @property
+    def state(self) -> EnvState | None:
+        """The `EnvState`; None before the first reset. Another one can be assigned."""
+        if self._layout is None or self._words is None:
+            return None
+        return self._layout.unpacked(self._words)
+
+    @state.setter
+    def state(self, state: EnvState) -> None:
+        self._layout = Words.of(state)
+        self._words = self._layout.packed(state)
 
     @property
     def _placed(self) -> Constant:
@@ -100,8 +112,8 @@ class GymnasiumEnv(gymnasium.Env):
         if seed is not None or self._key is None:
             entropy = int(self.np_random.integers(2**32)) if seed is None else seed
             self._key = batch.root_keys([entropy])[0]
-        restart, unpack = _restart(self._placed)
-        self.state, self._key, packed = restart(self._key)
+        restart, self._layout, unpack = _restart(self._placed)
+        self._words, self._key, packed = restart(self._key)
         obs, _, _, _, info = unpack(packed)
         return obs, info
 
@@ -119,18 +131,18 @@ class GymnasiumEnv(gymnasium.Env):
           RuntimeError: this process was forked after JAX had started.
         """
         check_fork()
-        if self.state is None:
+        if self._layout is None:
             raise gymnasium.error.ResetNeeded("call reset() before step()")
         action = np.asarray(action, np.float32).reshape(self.action_space.shape)
-        step, unpack = _step(self._placed)
-        self.state, packed = step(self.state, action)
+        step, unpack = _step(self._placed, self._layout)
+        self._words, packed = step(self._words, action)
         return unpack(packed)
 
     def render(self) -> np.ndarray | None:
         """The frame as an array (height, width, 3), or None without a render mode."""
-        if self._frames is None or self.state is None:
+        if self._frames is None or (now := self.state) is None:
             return None
-        return self._frames.frame(self.state.state)
+        return self._frames.frame(now.state)
 
     def close(self) -> None:
         """Free the renderer."""
@@ -139,24 +151,26 @@ class GymnasiumEnv(gymnasium.Env):
 
 
 @programs_of
-def _restart(constant: Constant) -> tuple[Callable, Callable]:
-    """The compiled function `key -> (state, key, packed)`, and its `Layout`."""
-    layout = packing.Layout()
+def _restart(constant: Constant) -> tuple[Callable, Words, Callable]:
+    """The compiled function `key -> (words, key, packed)`, and how both vectors are read."""
+    results = packing.Layout()
+    begin = functools.partial(batch.restart, constant.env)
+    layout = Words.of(jax.eval_shape(begin, jax.random.key(0))[0])
 
     def restart(key):
-        state, key = batch.restart(constant.env, key)
-        return state, key, layout.packed(state)
+        state, key = begin(key)
+        return layout.packed(state), key, results.packed(state)
 
-    return compiled(restart, jax.default_backend()), layout.unpacked
+    return compiled(restart, jax.default_backend()), layout, results.unpacked
 
 
 @programs_of
-def _step(constant: Constant) -> tuple[Callable, Callable]:
-    """The compiled function `(state, action) -> (state, packed)`, and its `Layout`."""
-    layout = packing.Layout()
+def _step(constant: Constant, layout: Words) -> tuple[Callable, Callable]:
+    """The compiled function `(words, action) -> (words, packed)`, and how the results are read."""
+    results = packing.Layout()
 
-    def step(state, action):
-        after = batch.guarded_step(constant.env, state, action)
-        return after, layout.packed(after)
+    def step(words, action):
+        after = batch.guarded_step(constant.env, layout.unpacked(words), action)
+        return layout.packed(after), results.packed(after)
 
-    return compiled(step, jax.default_backend()), layout.unpacked
+    return compiled(step, jax.default_backend()), results.unpacked
