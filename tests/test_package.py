@@ -41,6 +41,7 @@ before = settings()
 import jaxsim
 import jaxsim.io
 assert settings() == before, "importing jaxsim changed a global setting"
+from jaxsim import envs, gradients, rl, sysid, trajopt, viz
 from jax._src import xla_bridge
 assert not xla_bridge.backends_are_initialized(), "importing jaxsim started a backend"
 """

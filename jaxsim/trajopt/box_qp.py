@@ -7,13 +7,14 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 from jax.scipy.linalg import cho_factor, cho_solve
 from jaxtyping import Array, Bool, Float
 
 _STEPS = 50
 # Lengths along the projected step; the best of them and of one that surely descends is taken.
-_LENGTHS = 0.5 ** jnp.arange(6)
+_LENGTHS = 0.5 ** np.arange(6)
 
 
 class BoxSolution(NamedTuple):

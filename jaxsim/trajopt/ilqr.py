@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsim.batching import vmap
@@ -19,7 +20,7 @@ from jaxsim.trajopt.problem import Problem
 from jaxsim.trajopt.riccati import backward
 
 # Step lengths 1, 0.91, 0.68, ... 4e-4, denser near 1.
-_LENGTHS = 1.1 ** -(jnp.arange(10.0) ** 2)
+_LENGTHS = 1.1 ** -(np.arange(10.0) ** 2)
 _LEAST_DAMPING, _MOST_DAMPING = 1e-8, 1e8
 
 
