@@ -11,7 +11,8 @@ from jaxsim.viz.picture import MOST_LINES, Picture
 def plot_fit(fit: Any, coordinates: Sequence[int] | None = None, title: str = "") -> Picture:
     """Draw what was measured and what a fit predicts, and the residual below.
 
-    Windows stand one after the other; a prediction begins anew in each.
+    Windows stand one after the other; a prediction begins anew in each. Where windows overlap, the
+    samples of the earlier one are shown.
 
     Args:
       fit: result of `jaxsim.sysid.fit`.
@@ -19,8 +20,10 @@ def plot_fit(fit: Any, coordinates: Sequence[int] | None = None, title: str = ""
       title: above the picture.
     """
     measured, predicted = np.asarray(fit.windows.qpos), np.asarray(fit.predicted_qpos)
-    count, length, size = measured.shape
-    samples = np.arange(count * length).reshape(count, length)
+    counts, size = np.asarray(fit.windows.weight) > 0, measured.shape[2]
+    samples = np.cumsum(counts).reshape(counts.shape) - 1
+    measured = np.where(counts[..., None], measured, np.nan)
+    predicted = np.where(counts[..., None], predicted, np.nan)
     picture = Picture(rows=2, title=title, sharex=True)
     above, below = picture.axes
     for color, i in enumerate(range(min(size, MOST_LINES)) if coordinates is None else coordinates):
