@@ -28,6 +28,7 @@ from jaxsim.engine import (
     rollout,
     step,
     step_with_status,
+    substeps,
 )
 from jaxsim.inverse_kinematics import IkResult, PoseTarget, ik
 from jaxsim.io import load, set_const, to_mujoco
@@ -81,6 +82,7 @@ __all__ = [
     "set_const",
     "step",
     "step_with_status",
+    "substeps",
     "to_mujoco",
     "vmap",
 ]

@@ -6,6 +6,7 @@ from jaxsim.constraint.solve import (
     constrained_acceleration,
     constrained_at,
     constraint_blocks,
+    with_entry_times,
 )
 
 __all__ = [
@@ -15,4 +16,5 @@ __all__ = [
     "constrained_acceleration",
     "constrained_at",
     "constraint_blocks",
+    "with_entry_times",
 ]

@@ -5,6 +5,7 @@ import enum
 from flax import struct
 from jaxtyping import Array, Float
 
+from jaxsim.constraint.entry import Entry
 from jaxsim.constraint.jacobian import Jacobian
 from jaxsim.solver import Kind
 
@@ -36,6 +37,7 @@ class Block:
       violation: violation of each row, relative to its margin; None for friction, which has none,
         and for contacts, whose record has it.
       weight: mean inverse inertia for each index of the first axis; None for rows without friction.
+      entry: what rows do when they become active; None if derivatives do not need it.
     """
 
     kind: Kind
@@ -44,3 +46,4 @@ class Block:
     ids: tuple[int, ...] = struct.field(pytree_node=False, default=())
     violation: Array | None = None
     weight: Float[Array, "n"] | None = None
+    entry: Entry | None = None

@@ -1,5 +1,6 @@
 """Blocks of contact rows, with the cost that the model's contact law gives them."""
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -13,6 +14,8 @@ from jaxsim.collision import Contact, ContactKind
 from jaxsim.constraint.block import Block, RowType
 from jaxsim.constraint.contact_rows import ContactRows, contact_rows
 from jaxsim.constraint.conveyor import surface_velocity
+from jaxsim.constraint.entry import Entry, entry
+from jaxsim.constraint.impedance import response
 from jaxsim.constraint.jacobian import row_velocity
 from jaxsim.constraint.laws import (
     LAWS,
@@ -93,8 +96,21 @@ def _block(
         solimp=contact.solimp,
         material=None if model.contact == "mujoco" else _material(model, contact),
     )
-    cost = jax.vmap(lambda c: law(model.opt, c))(state)
-    return Block(cost, jacobian, RowType.CONTACT, weight=state.inverse_weight)
+    cost = jax.vmap(lambda c: law(model.opt, c))
+    block = Block(cost(state), jacobian, RowType.CONTACT, weight=state.inverse_weight)
+    if not model.backward.entry_time:
+        return block
+    return block.replace(entry=_entry(model.opt, state, cost))
+
+
+def _entry(opt: Option, state: ContactState, cost) -> Entry:
+    """What decides when contacts begin and end to act."""
+    # Without a margin, the smallest violations are numbers.
+    bare = state.replace(includemargin=jnp.zeros_like(state.includemargin))
+    violation, velocity = state.dist - state.includemargin, state.velocity[:, 0]
+    at = lambda violation: cost(bare.replace(dist=violation))  # noqa: E731
+    normal = jax.vmap(functools.partial(response, opt))(state.solref, state.solimp, violation)
+    return entry(opt.timestep, violation, velocity, at, normal, state.inverse_weight)
 
 
 def _rounding(pos: Float[Array, "n 3"]) -> Float[Array, "n"]:

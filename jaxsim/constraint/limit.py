@@ -1,5 +1,7 @@
 """Limits of joints and tendons."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import mujoco
@@ -8,6 +10,7 @@ from jaxtyping import Array
 
 from jaxsim.arrays.indexing import take
 from jaxsim.constraint.block import Block, RowType
+from jaxsim.constraint.entry import entry
 from jaxsim.constraint.impedance import inverse_where, response
 from jaxsim.constraint.jacobian import DenseRows, DofRows, moves_anything, row_velocity
 from jaxsim.dynamics.motion import Motion
@@ -103,13 +106,21 @@ def _block(
     movable: Array | bool = True,
 ) -> Block:
     """A block; rows are active where `violation` is negative and `movable`."""
-    velocity = row_velocity(motion, jacobian)
+    opt, velocity = motion.model.opt, row_velocity(motion, jacobian)
+    solref, solimp, weight = parameters
 
     def row(active, violation, velocity, solref, solimp, weight):
-        r = response(motion.model.opt, solref, solimp, violation)
+        r = response(opt, solref, solimp, violation)
         aref = jnp.where(active, r.reference(velocity, violation), 0.0)
         return aref, inverse_where(active, r.regularisation(weight))
 
-    active = (violation < 0) & movable
-    aref, D = jax.vmap(row)(active, violation, velocity, *parameters)
-    return Block(Unilateral(aref=aref, D=D), jacobian, type_, tuple(ids.tolist()), violation)
+    def cost(violation):
+        active = (violation < 0) & movable
+        aref, D = jax.vmap(row)(active, violation, velocity, *parameters)
+        return Unilateral(aref=aref, D=D)
+
+    block = Block(cost(violation), jacobian, type_, tuple(ids.tolist()), violation)
+    if not motion.model.backward.entry_time:
+        return block
+    responses = jax.vmap(functools.partial(response, opt))(solref, solimp, violation)
+    return block.replace(entry=entry(opt.timestep, violation, velocity, cost, responses, weight))

@@ -10,9 +10,11 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsim.arrays import tuning
 from jaxsim.collision import Contact
+from jaxsim.constraint.backward import check_backward, softened, with_derivative_of
 from jaxsim.constraint.block import Block, RowType
 from jaxsim.constraint.compaction import with_compacted_contacts
 from jaxsim.constraint.contact import contact_blocks, contact_forces
+from jaxsim.constraint.entry import entry_acceleration
 from jaxsim.constraint.equality import equality_blocks
 from jaxsim.constraint.friction import friction_blocks
 from jaxsim.constraint.laws import ON_VELOCITIES, RIGID, Blur, check_law
@@ -32,6 +34,9 @@ _CONSTRAINT_OFF = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
 _CONTACT_OFF = mujoco.mjtDisableBit.mjDSBL_CONTACT
 _EULERDAMP = mujoco.mjtDisableBit.mjDSBL_EULERDAMP
 _WARMSTART_OFF = mujoco.mjtDisableBit.mjDSBL_WARMSTART
+
+# Parts of a solution whose derivatives `Model.backward` changes.
+_RESULTS = ("qacc", "qfrc_constraint", "contact_force", "forces")
 
 
 @struct.dataclass
@@ -75,8 +80,9 @@ def constrained_acceleration(
 ) -> Constrained:
     """Minimise `1/2 |a - qacc_smooth|_M^2 + s(J a - aref)`, where `M qacc_smooth = qfrc_smooth`.
 
-    The derivative is that of the exact minimum, see `jaxsim.solver.implicit`. If an input or the
-    result of the solve is not finite, the acceleration is NaN.
+    The derivative is that of the exact minimum, see `jaxsim.solver.implicit`, or of the minimum
+    with softer contacts, see `Model.backward`. If an input or the result of the solve is not
+    finite, the acceleration is NaN.
 
     Args:
       motion: position and velocity.
@@ -87,6 +93,23 @@ def constrained_acceleration(
     """
     model = motion.model
     check_law(model)
+    check_backward(model)
+    found = _solved(motion, contact, qfrc_smooth, qacc_warmstart)
+    if not model.backward.smooths:
+        return found
+    soft = _solved(motion, softened(contact, model.backward), qfrc_smooth, found.qacc)
+    results = lambda found: {name: getattr(found, name) for name in _RESULTS}  # noqa: E731
+    return found.replace(**with_derivative_of(results(found), results(soft)))
+
+
+def _solved(
+    motion: Motion,
+    contact: Contact,
+    qfrc_smooth: Float[Array, "nv"],
+    qacc_warmstart: Float[Array, "nv"],
+) -> Constrained:
+    """The constrained acceleration, with its own derivative."""
+    model = motion.model
     blocks = constraint_blocks(motion, contact)
     operator = make_operator(model, motion.kin, blocks, choose_strategy(model, blocks))
     operator = _with_damping(motion, operator)
@@ -111,6 +134,41 @@ def constrained_acceleration(
         status = found.status_after(status)
     found = _outcome(motion, contact, blocks, operator, y, forces, status)
     return _with_nan_unless(found.status.finite, found)
+
+
+def with_entry_times(motion: Motion, found: Constrained, qfrc_smooth: Float[Array, "nv"]):
+    """The same, with the derivative of the times at which rows began to act in the last step.
+
+    It is for time steps: `qacc` is the mean of the acceleration during the step, not that at its
+    beginning. See `jaxsim.constraint.entry`.
+
+    Args:
+      motion: position and velocity.
+      found: the solution there.
+      qfrc_smooth: as for `constrained_acceleration`.
+    """
+    model, blocks = motion.model, list(found.blocks)
+    entries = [block.entry for block in blocks]
+    if all(entry is None for entry in entries):
+        return found
+    operator = make_operator(model, motion.kin, blocks, choose_strategy(model, blocks))
+    minimiser = _minimiser(model, operator, to_compound_order(model, qfrc_smooth))
+    x = to_compound_order(model, found.qacc)
+    change = entry_acceleration(
+        model.opt.timestep,
+        entries,
+        [block.kind for block in blocks],
+        found.forces,
+        operator,
+        x,
+        lambda problem: minimiser(problem, x).x,
+    )
+    y = operator.lift(change)
+    force = -operator.residual(y, tuple(jnp.zeros_like(rows) for rows in operator.rows(y)))
+    return found.replace(
+        qacc=found.qacc + from_compound_order(model, change),
+        qfrc_constraint=found.qfrc_constraint + from_compound_order(model, force),
+    )
 
 
 def _rigid(model: Model, problem: Problem, operator: TreeOperator, force, rigid, guess):

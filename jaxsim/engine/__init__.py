@@ -5,6 +5,7 @@ from jaxsim.engine.details import ForwardDetails, forward_details
 from jaxsim.engine.report import ContactReport, Forward, forward, inverse
 from jaxsim.engine.status import Status
 from jaxsim.engine.stepping import rollout, step, step_with_status
+from jaxsim.engine.substepping import substeps
 
 __all__ = [
     "ContactReport",
@@ -19,4 +20,5 @@ __all__ = [
     "rollout",
     "step",
     "step_with_status",
+    "substeps",
 ]

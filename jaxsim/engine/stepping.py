@@ -15,7 +15,7 @@ from jaxsim.arrays.checkpoint import checkpoint
 from jaxsim.arrays.memo import is_traced
 from jaxsim.arrays.precision import full_precision
 from jaxsim.collision import Contact, detect, model_candidates
-from jaxsim.constraint import constrained_acceleration
+from jaxsim.constraint import constrained_acceleration, with_entry_times
 from jaxsim.dynamics.motion import Motion, motion_of
 from jaxsim.dynamics.rnea import (
     generalized_force,
@@ -88,7 +88,7 @@ def whole_step(model: Model, state: State, ctrl: Float[Array, "nu"] | None = Non
 
 def _step(model: Model, state: State, ctrl: Float[Array, "nu"] | None) -> Step:
     integrate = INTEGRATORS[model.opt.integrator]
-    found = integrate(model, state, lambda state: evaluate(model, state, ctrl))
+    found = integrate(model, state, lambda state: _evaluate_for_step(model, state, ctrl))
     after = found.after
     numbers = jnp.concatenate([after.qpos, after.qvel, after.act])
     return found.replace(
@@ -96,6 +96,13 @@ def _step(model: Model, state: State, ctrl: Float[Array, "nu"] | None) -> Step:
         after=after.replace(qacc_warmstart=lax.stop_gradient(found.qacc)),
         status=found.status.replace(finite=found.status.finite & jnp.isfinite(numbers).all()),
     )
+
+
+def _evaluate_for_step(model: Model, state: State, ctrl: Float[Array, "nu"] | None) -> Instant:
+    now = evaluate(model, state, ctrl)
+    if not model.backward.entry_time:
+        return now
+    return now.replace(constrained=with_entry_times(now.motion, now.constrained, now.qfrc_smooth))
 
 
 def evaluate(model: Model, state: State, ctrl: Float[Array, "nu"] | None) -> Instant:

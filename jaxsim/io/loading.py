@@ -7,12 +7,14 @@ import pathlib
 
 import mujoco
 
+from jaxsim.constraint.backward import check_backward
 from jaxsim.constraint.laws import LAWS, check_law
 from jaxsim.constraint.operators import STRATEGIES
 from jaxsim.io import build
 from jaxsim.io.budget import contact_budget
 from jaxsim.io.materials import Materials
 from jaxsim.model import Model, ModelError
+from jaxsim.model.backward import Backward
 
 _BEFORE_XML = "\ufeff \t\r\n"  # a byte order mark, or white space
 
@@ -25,6 +27,7 @@ def load(
     hessian: str = "auto",
     rotations: str = "lie",
     contact: str = "mujoco",
+    backward: Backward | None = None,
     materials: Materials | None = None,
     unsupported_pairs: str = "error",
 ) -> Model:
@@ -46,6 +49,8 @@ def load(
         which is of fourth order, or "mujoco", angular velocities, which is of second order.
       contact: contact law, "mujoco", "sap", "lagged", "hard", or another name in
         `jaxsim.constraint.laws.LAWS`.
+      backward: which derivatives a step has, where not those of the program; see
+        `jaxsim.gradients.Backward`.
       materials: for each geom, by name, a dictionary of what contact laws other than MuJoCo's
         know of it: "stiffness" (N/m), "relaxation" (s), "restitution". The defaults are 2e6, half a
         time step, and 0.
@@ -74,7 +79,9 @@ def load(
     model = build(mj, unsupported_pairs == "drop", materials)
     budget = contact_budget(mj, model, max_geom_pairs, max_contacts)
     model = model.replace(hessian=hessian, rotations=rotations, contact=contact)
+    model = model.replace(backward=backward or Backward())
     check_law(model)
+    check_backward(model)
     return model.replace(max_geom_pairs=budget[0], max_contacts=budget[1])
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from flax import struct
 from jaxtyping import Array, Float
 
+from jaxsim.model.backward import EXACT, Backward
 from jaxsim.model.names import Names
 from jaxsim.model.presence import NOTHING, OPTIONAL_FORCES, Presence, extended
 from jaxsim.model.structure import Structure
@@ -69,9 +70,10 @@ class Model:
     `geom_bodyid`, ...) is a static attribute, too.
 
     The arguments of `jaxsim.load` are fields: how the constraint solver solves with its Hessian
-    (`hessian`), the contact law (`contact`), the numbers of contact slots (`max_contacts`, for
-    each kind of contact) and of geom pairs (`max_geom_pairs`, for each pair of shapes), and how
-    Runge-Kutta averages rotations (`rotations`). Forces that are zero, such as dry friction or
+    (`hessian`), the contact law (`contact`), which derivatives a step has (`backward`), the numbers
+    of contact slots (`max_contacts`, for each kind of contact) and of geom pairs
+    (`max_geom_pairs`, for each pair of shapes), and how Runge-Kutta averages rotations
+    (`rotations`). Forces that are zero, such as dry friction or
     drag, are left out of compiled programs. `present` says which may be nonzero, and `replace`
     updates it; see `jaxsim.model.presence`.
     """
@@ -184,6 +186,7 @@ class Model:
     hessian: str = struct.field(pytree_node=False, default="auto")
     rotations: str = struct.field(pytree_node=False, default="lie")
     contact: str = struct.field(pytree_node=False, default="mujoco")
+    backward: Backward = struct.field(pytree_node=False, default=EXACT)
     max_contacts: int | tuple[int, ...] | None = struct.field(pytree_node=False, default=None)
     max_geom_pairs: int | tuple[int, ...] | None = struct.field(pytree_node=False, default=None)
     present: Presence = struct.field(pytree_node=False, default=NOTHING)

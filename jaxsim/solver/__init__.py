@@ -4,7 +4,7 @@ from jaxsim.solver.conjugate_gradients import hessian_product, pcg, pcg_solve
 from jaxsim.solver.disc import Disc
 from jaxsim.solver.elliptic_cone import EllipticCone
 from jaxsim.solver.huber import Huber
-from jaxsim.solver.implicit import attach, attach_lifted
+from jaxsim.solver.implicit import attach, attach_lifted, solve_hessian
 from jaxsim.solver.newton import Solution, SolverStatus, solve
 from jaxsim.solver.operator import LinearStatus, Operator, weighed
 from jaxsim.solver.problem import Kind, Problem
@@ -31,5 +31,6 @@ __all__ = [
     "pcg",
     "pcg_solve",
     "solve",
+    "solve_hessian",
     "weighed",
 ]

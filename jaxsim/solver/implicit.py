@@ -78,13 +78,15 @@ def _tangent(y: Lifted, theta: Theta, tangents: Sequence[Array | None]) -> Lifte
     moved, given, where = moving_leaves(theta, tangents)
     x = operator.vector(y)
     _, dr = jax.jvp(lambda *some: _residual(x, where(*some)), moved, given)
-    dx = _solve(operator, problem.curvatures(operator.rows(y)), dr)
+    dx = solve_hessian(operator, problem.curvatures(operator.rows(y)), dr)
     # The lift depends on theta, too.
     lift = lambda x, *some: where(*some)[1].lift(x)  # noqa: E731
     return jax.jvp(lift, [x, *moved], [dx, *given])[1]
 
 
-def _solve(operator: Operator, curvatures: Rows, r: Float[Array, "nv"]) -> Float[Array, "nv"]:
+def solve_hessian(
+    operator: Operator, curvatures: Rows, r: Float[Array, "nv"]
+) -> Float[Array, "nv"]:
     """`H^-1 r`; its derivatives use solves and products, not the steps of the operator's solve."""
     return lax.custom_linear_solve(
         lambda x: hessian_product(operator, curvatures, x),
