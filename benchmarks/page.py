@@ -206,6 +206,15 @@ SECTIONS = (
         ),
     ),
     Section(
+        "gradient_cases",
+        "Gradients with known answers",
+        "Derivatives of where a ball ends that bounced (G1, G2: rigid, by stiff springs; G3, G3b: "
+        "soft), or met another (G10, G11), over starts within two time steps: mean, standard "
+        "deviation and share of wrong signs. Entry times: `Backward(entry_time=True)`. MuJoCo: "
+        "central differences of its steps. See docs/gradients.md.",
+        plain(*"case,dt,method,value,its truth,derivative,truth,spread,wrong sign %".split(",")),
+    ),
+    Section(
         "trajopt",
         "Trajectory optimisation",
         "Swing-ups from the same small random controls. To 10 %: iterations until the cost is "

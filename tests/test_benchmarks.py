@@ -187,6 +187,14 @@ def test_precision_counts_what_goes_wrong(monkeypatch):
 
 
 @pytest.mark.slow
+def test_gradients_with_known_answers(tmp_path):
+    run("gradient_cases.py", "--cases", "G3b", "--phases", 8, "--out", tmp_path)
+    rows = json.loads((tmp_path / "gradient_cases.json").read_text())["rows"]
+    spread = {row["method"]: row["spread"] for row in rows if row["dt"] == 1e-3}
+    assert spread["entry times"] < 0.1 * spread["program"]
+
+
+@pytest.mark.slow
 def test_gradients_are_accurate(tmp_path):
     sizes = ("--batch", 4, "--steps", 3, "--states", 4, "--repetitions", 2)
     run("gradients.py", "--models", "double_pendulum", *sizes, "--out", tmp_path)
