@@ -36,7 +36,7 @@ BEYOND = (0.4,) * 6 + (0.04,) * 6
 # whose cosines with each other are below DIFFERENT: the best normals of each CHUNK of faces, of at
 # most MANY_FACES, and the directions tried at first.
 DEEP, STARTS, DIFFERENT = 0.01, 4, 0.95
-CHUNK, MANY_FACES = 32, 256
+CHUNK, MANY_FACES = 16, 256
 
 
 @struct.dataclass
