@@ -1,4 +1,4 @@
-"""A falling leg whose heel and toe land, bounce and slide: `entry_time` on an articulated body."""
+"""A falling leg, whose foot lands and bounces and whose knee meets its limits."""
 
 import jax
 import jax.numpy as jnp
@@ -23,7 +23,8 @@ LEG = """
       <geom type="box" size=".1 .05 .05"/>
       <body><joint axis="0 1 0" stiffness="30" damping="1"/>
         <geom type="capsule" fromto="0 0 0 .1 0 -.3" size=".03"/>
-        <body pos=".1 0 -.3"><joint axis="0 1 0" stiffness="30" damping="1"/>
+        <body pos=".1 0 -.3">
+          <joint axis="0 1 0" stiffness="30" damping="1" limited="true" range="-3 3"/>
           <geom type="capsule" fromto="0 0 0 -.1 0 -.3" size=".03"/>
           <geom pos="-.15 0 -.3" size=".04" mass=".1" conaffinity="1"/>
           <geom pos="0 0 -.33" size=".04" mass=".1" conaffinity="1"/>
