@@ -15,7 +15,8 @@ tells of one family of scenes and one precision:
   Two rests may be two poses, as of a body that stands or lies: `other pose` counts differences of
   more than a tenth of the body's size, which are left out.
 
-The same columns for MuJoCo C with its own tolerance say what its solver leaves.
+The same columns for MuJoCo C with its own tolerance say what its solver leaves. `failed` in the
+result has the numbers of the scenes in the first three columns; `--only` simulates some by number.
 """
 
 import argparse
@@ -69,11 +70,12 @@ class Outcome:
 def main(arguments=None) -> None:
     options = _options(arguments)
     common.setup()
-    rows = []
+    rows, failed = [], {}
     for family in options.families:
-        rows += _rows(family, options)
-        print(common.table(r for r in rows if r["scenes of"] == family), flush=True)
-    common.write(options, __file__, {"rows": rows})
+        new, failed[family] = _rows(family, options)
+        rows += new
+        print(common.table(new), failed[family], flush=True)
+    common.write(options, __file__, {"rows": rows, "failed": failed})
 
 
 def _options(arguments) -> argparse.Namespace:
@@ -82,23 +84,30 @@ def _options(arguments) -> argparse.Namespace:
     parser.add_argument("--families", nargs="+", default=list(FAMILIES), choices=FAMILIES)
     parser.add_argument("--steps", type=int, default=500, help="timesteps of each scene")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--only", type=int, nargs="+", help="numbers of scenes of each family")
     return parser.parse_args(arguments)
 
 
-def _rows(family: str, options) -> list[dict]:
+def _rows(family: str, options) -> tuple[list[dict], dict[str, list[int]]]:
+    """The rows of a family, and the numbers of the scenes that failed in each."""
     rng = np.random.default_rng([options.seed, FAMILIES.index(family)])
     count = -(-options.scenes // len(options.families))
     scenes = [draw(rng, *family.split()) for _ in range(count)]
+    numbers = np.array(range(count) if options.only is None else options.only)
+    scenes = [scenes[i] for i in numbers]
     exact = mujoco_outcome(scenes, options.steps, converged=True)
     found = {
         "float32": jaxsim_outcome(scenes, options.steps, x64=False),
         "float64": jaxsim_outcome(scenes, options.steps, x64=True),
         "MuJoCo C": mujoco_outcome(scenes, options.steps, converged=False),
     }
-    start = {"scenes of": family, "scenes": count}
-    return [
+    start = {"scenes of": family, "scenes": len(scenes)}
+    rows = [
         start | {"by": by} | compare(scenes, one, exact, options.steps) for by, one in found.items()
     ]
+    return rows, {
+        by: numbers[np.any(failures(one, exact), 0)].tolist() for by, one in found.items()
+    }
 
 
 def draw(rng: np.random.Generator, shape: str, cone: str) -> Scene:
@@ -208,13 +217,18 @@ def _below(qpos: np.ndarray) -> np.ndarray:
     return (qpos[:, 2::7] < 0).any(1)
 
 
+def failures(found: Outcome, exact: Outcome) -> tuple[np.ndarray, np.ndarray]:
+    """Scenes that end not finite, and those below the floor, where the exact ones do not."""
+    sound, finite = (np.isfinite(x.qpos).all(1) for x in (exact, found))
+    return sound & ~finite, finite & sound & _below(found.qpos) & ~_below(exact.qpos)
+
+
 def compare(scenes: list[Scene], found: Outcome, exact: Outcome, steps: int) -> dict:
     """What a row says of one precision."""
     sound = np.isfinite(exact.qpos).all(1)
-    finite = np.isfinite(found.qpos).all(1)
     size = np.array([scene.size for scene in scenes])
     heights, theirs = found.qpos[:, 2::7], exact.qpos[:, 2::7]
-    broken, through = sound & ~finite, finite & sound & _below(found.qpos) & ~_below(exact.qpos)
+    broken, through = failures(found, exact)
     chaotic = np.zeros(len(scenes), bool)
     for i in np.flatnonzero(broken | through):
         near = neighbours(scenes[i], steps)

@@ -90,12 +90,20 @@ class ContactRows:
         parts = [(G @ cdof.T) * mask[:, None] for G, mask in zip(maps, masks, strict=True)]
         return sum(parts[1:], parts[0])
 
+    def turned(self, axes: Float[Array, "njnt 3 3"]) -> "ContactRows | LinkRows":
+        """As `LinkRows` if both links may move, because their frames are different then."""
+        if self.coupled:
+            return self._as_maps().turned(axes)
+        (side,) = self.sides
+        turn = side.link.of_links(axes)
+        arm = jax.vmap(jnp.matmul)(side.arm, turn)
+        return ContactRows(self.frame @ turn, (Side(arm, side.link, side.sign),), self.condim)
+
     def restricted(self, components: Components) -> "ContactRows | LinkRows":
         """As `LinkRows`, because maps from few components are smaller than frames and arms."""
         if components == ALL:
             return self
-        sides = tuple((s.sign * self._map(s.arm), s.link) for s in self.sides)
-        return LinkRows(sides).restricted(components)
+        return self._as_maps().restricted(components)
 
     def renumbered(self, compound: Compound) -> "ContactRows":
         """The same rows with the links renumbered."""
@@ -106,6 +114,9 @@ class ContactRows:
         """The contacts at these indices."""
         sides = tuple(Side(items(s.arm, index), s.link.items(index), s.sign) for s in self.sides)
         return ContactRows(items(self.frame, index), sides, self.condim)
+
+    def _as_maps(self) -> LinkRows:
+        return LinkRows(tuple((s.sign * self._map(s.arm), s.link) for s in self.sides))
 
     def _map(self, arm: Float[Array, "n 3"]) -> Float[Array, "n condim 6"]:
         """Maps from a link's twist to the rows; their rows are the wrenches of unit forces."""

@@ -22,7 +22,9 @@ from jaxsim.arrays.indexing import gather_or_zero, sum_by, take
 from jaxsim.batching.primitives.decisions import index_of_nth, nonzero_in_batch, serial_or_parallel
 from jaxsim.constraint.link_index import LinkIndex, add_at, items, moves
 from jaxsim.dynamics.components import Components, restrict
+from jaxsim.dynamics.free_bodies import in_axes, own_axes
 from jaxsim.dynamics.motion import Motion
+from jaxsim.dynamics.velocity import own_twists
 from jaxsim.model.compound import Compound
 from jaxsim.model.dof_order import to_tree_order
 from jaxsim.model.topology import Forest
@@ -51,6 +53,10 @@ class Jacobian(Protocol):
         """J with a last axis of length nv, tree order."""
         ...
 
+    def turned(self, axes: Float[Array, "njnt 3 3"]) -> "Jacobian":
+        """The same rows for accelerations of links in axes that are the columns of `axes`."""
+        ...
+
     def restricted(self, components: Components) -> "Jacobian":
         """The same rows for accelerations of links with only these components."""
         ...
@@ -67,7 +73,9 @@ class Jacobian(Protocol):
 
 def row_velocity(motion: Motion, jacobian: Jacobian) -> Array:
     """`J qvel` of a block of rows."""
-    return jacobian.apply(to_tree_order(motion.model, motion.qvel), motion.vel.cvel)
+    model, axes = motion.model, own_axes(motion.model, motion.kin)
+    jacobian = jacobian if axes is None else jacobian.turned(axes)
+    return jacobian.apply(to_tree_order(model, motion.qvel), own_twists(model, motion.vel))
 
 
 def moves_anything(J: Float[Array, "n nv"]) -> Bool[Array, "n"]:
@@ -107,6 +115,10 @@ class DofRows:
         unit = np.eye(tree.nv)[np.array(self.dof, int)]
         return self.scale[:, None] * jnp.asarray(unit, cdof.dtype)
 
+    def turned(self, axes):
+        """No change: the rows do not depend on links."""
+        return self
+
     def restricted(self, components):
         """No change: the rows do not depend on links."""
         return self
@@ -139,6 +151,10 @@ class DenseRows:
     def dense(self, tree, cdof):
         """J itself."""
         return self.J
+
+    def turned(self, axes):
+        """No change: the rows do not depend on links."""
+        return self
 
     def restricted(self, components):
         """No change: the rows do not depend on links."""
@@ -186,6 +202,11 @@ class LinkRows:
         """J: the maps times the motion axes of the degrees of freedom that move each link."""
         rows = jax.vmap(lambda G, mask: (G @ cdof.T) * mask[None])
         return self._sum(lambda G, link: rows(G, moves(tree, link, cdof.dtype)))
+
+    def turned(self, axes):
+        """The same rows with the maps' columns for these axes."""
+        turn = jax.vmap(in_axes)
+        return LinkRows(tuple((turn(G, link.of_links(axes)), link) for G, link in self.sides))
 
     def restricted(self, components):
         """The same rows with the maps' columns for these components."""

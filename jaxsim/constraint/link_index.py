@@ -44,6 +44,10 @@ class LinkIndex:
         """The links of the rows at these indices, traced."""
         return LinkIndex(None, items(jnp.asarray(self.index), index))
 
+    def of_links(self, x: Shaped[Array, "njnt ..."]) -> Shaped[Array, "n ..."]:
+        """The entry of each row's link; arbitrary where it is -1."""
+        return gather(x, self.index % len(x))
+
     @property
     def may_move(self) -> bool:
         """Whether some row may have a link; False only if that is known not to be so."""

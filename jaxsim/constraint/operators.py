@@ -35,6 +35,7 @@ from jaxsim.dynamics.components import (
     restrict_inertia,
 )
 from jaxsim.dynamics.crba import composite_matrix
+from jaxsim.dynamics.free_bodies import own_axes, own_inertia, own_motion_axes
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.dynamics.rnea import tree_force
@@ -206,14 +207,15 @@ def make_operator(
 ) -> TreeOperator:
     """The operator of a model with these rows; `strategy` is one of `STRATEGIES`."""
     components, compound = motion_components(model), model.structure.compound
-    cdof = take(restrict(components, kin.cdof), compound.dof)
-    jacobians = [block.jacobian.restricted(components).renumbered(compound) for block in blocks]
+    cdof, inertia, jacobians = _in_own_axes(model, kin, [block.jacobian for block in blocks])
+    cdof = take(restrict(components, cdof), compound.dof)
+    jacobians = [J.restricted(components).renumbered(compound) for J in jacobians]
     if strategy == "dense":
         jacobians = [
             _dense_rows(J, block.kind.D, compound.tree, cdof) if J.coupled else J
             for J, block in zip(jacobians, blocks, strict=True)
         ]
-    inertia = jax.tree.map(lambda x: take(x, compound.link), kin.inertia)
+    inertia = jax.tree.map(lambda x: take(x, compound.link), inertia)
     inertia = jax.vmap(lambda inertia: restrict_inertia(components, inertia))(inertia)
     armature = to_compound_order(model, dof_armature(model))
     coupled = {block.type for block in blocks if block.jacobian.coupled}
@@ -231,6 +233,15 @@ def make_operator(
         strategy=strategy,
         occasional=coupled == {RowType.CONTACT} and coupling is None,
     )
+
+
+def _in_own_axes(model: Model, kin: Kinematics, jacobians: list[Jacobian]):
+    """Motion axes, inertias of the links and Jacobians, for twists in the axes of `own_axes`."""
+    axes = own_axes(model, kin)
+    if axes is None:
+        return kin.cdof, kin.inertia, jacobians
+    turned = [J.turned(axes) for J in jacobians]
+    return own_motion_axes(model, kin, axes), own_inertia(model, kin), turned
 
 
 def factor(H: Float[Array, "n n"]) -> Float[Array, "n n"]:

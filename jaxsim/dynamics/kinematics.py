@@ -26,7 +26,8 @@ class Kinematics:
     `spatial_J` has the rows of MuJoCo's `ten_J` for spatial tendons only. The fields after it are
     for the recursions: links and degrees of freedom are in tree order; twists and inertias are in
     world axes about `origin`, the reference point of each tree. It is the origin of the tree's
-    first body, which keeps float32 accurate far from the world's origin.
+    first body, which keeps float32 accurate far from the world's origin. `link_inertia` is in the
+    axes of each link about its origin.
     """
 
     xpos: Float[Array, "nbody 3"]
@@ -46,6 +47,7 @@ class Kinematics:
     link_pose: Pose
     cdof: Float[Array, "nv 6"]
     inertia: Inertia
+    link_inertia: Inertia
 
 
 def kinematics(
@@ -95,6 +97,7 @@ def kinematics(
         link_pose=pose,
         cdof=_motion_axes(model.tree, links, mat, relative),
         inertia=jax.vmap(_world_inertia)(links.inertia, mat, relative),
+        link_inertia=links.inertia,
     )
     if not len(spatial_tendons(model)):
         return poses

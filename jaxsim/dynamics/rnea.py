@@ -13,6 +13,7 @@ from jaxtyping import Array, Float
 
 from jaxsim.arrays.indexing import sum_by, take
 from jaxsim.arrays.precision import full_precision
+from jaxsim.dynamics.free_bodies import free_dofs, free_links, replace_rows
 from jaxsim.dynamics.kinematics import Kinematics, kinematics
 from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.dynamics.tendon_inertia import has_tendon_inertia, tendon_bias, tendon_inertia
@@ -22,7 +23,7 @@ from jaxsim.model import Model
 from jaxsim.model.dof_order import from_tree_order, to_tree_order
 from jaxsim.model.inputs import admit_array, admit_model
 from jaxsim.model.topology import Forest
-from jaxsim.spatial import Inertia, cross_force, wrench_from
+from jaxsim.spatial import Inertia, cross_force, quat_to_matrix, wrench_from
 
 _GRAVITY_OFF = mujoco.mjtDisableBit.mjDSBL_GRAVITY
 
@@ -72,8 +73,48 @@ def qfrc_bias(model: Model, kin: Kinematics, vel: Velocities) -> Float[Array, "n
 
 def link_bias(model: Model, kin: Kinematics, vel: Velocities) -> Float[Array, "nv"]:
     """`qfrc_bias` of the links alone, without tendons' armature."""
-    force = link_forces(model, kin, vel, link_accelerations(model, kin, vel))
-    return generalized_force(model, kin, force)
+    wrench, force = bias_forces(model, kin, vel)
+    return generalized_force(model, kin, wrench) + force
+
+
+def bias_forces(
+    model: Model, kin: Kinematics, vel: Velocities
+) -> tuple[Float[Array, "njnt 6"], Float[Array, "nv"] | float]:
+    """`link_bias` in two parts.
+
+    Returns:
+      The wrenches on the links, zero for lone free bodies, and the generalised forces of these
+      (0.0 without such bodies).
+    """
+    wrench = link_forces(model, kin, vel, link_accelerations(model, kin, vel))
+    links = free_links(model)
+    if not len(links):
+        return wrench, 0.0
+    force = _free_bias(model, kin, vel).reshape(-1)
+    wrench = replace_rows(wrench, links, jnp.zeros((len(links), 6), wrench.dtype))
+    nothing = jnp.zeros(model.nv, force.dtype)
+    return wrench, replace_rows(nothing, free_dofs(model).ravel(), force)
+
+
+def _free_bias(model: Model, kin: Kinematics, vel: Velocities) -> Float[Array, "n 6"]:
+    """Bias of lone free bodies: forces in world axes, torques in the axes of the body.
+
+    For a body of mass m, first moment h and inertia I about its origin they are
+    `w x (w x h) - m g` and `w x (I w) - h x g`. As `w x w = 0`, a multiple of 1 is taken from I:
+    with the middle moment, a rod has no torque about its axis from what rounding leaves of others.
+    """
+    g, links = gravity(model), free_links(model)
+
+    def one(quat, inertia: Inertia, twist):
+        R, w, h = quat_to_matrix(quat), twist[:3], inertia.first_moment
+        x, y, z = jnp.diagonal(inertia.rotational)
+        middle = jnp.maximum(jnp.minimum(x, y), jnp.minimum(jnp.maximum(x, y), z))
+        spread = inertia.rotational - middle * jnp.eye(3, dtype=w.dtype)
+        torque = jnp.cross(w, spread @ w) - jnp.cross(h, g @ R)
+        return jnp.concatenate([R @ jnp.cross(w, jnp.cross(w, h)) - inertia.mass * g, torque])
+
+    quat, inertia = jax.tree.map(lambda x: take(x, links), (kin.link_pose.quat, kin.link_inertia))
+    return jax.vmap(one)(quat, inertia, vel.free)
 
 
 def gravity(model: Model) -> Float[Array, "3"]:

@@ -7,12 +7,13 @@ from flax import struct
 from jaxtyping import Array, Float
 
 from jaxsim.arrays.indexing import gather_or_zero, sum_by, take
+from jaxsim.dynamics.free_bodies import free_dofs, free_links, replace_rows
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.tree import accumulate_outward
 from jaxsim.joints.grouping import turning
 from jaxsim.model import Model
 from jaxsim.model.dof_order import to_tree_order
-from jaxsim.spatial import cross_motion, twist_at
+from jaxsim.spatial import cross_motion, quat_to_matrix, twist_at
 
 
 @struct.dataclass
@@ -23,10 +24,12 @@ class Velocities:
       cvel: twist of each link.
       bias: acceleration of each link for zero `qacc` and gravity: the running sum of
         `d(cdof)/dt qvel` from the root outward.
+      free: twists of the lone free bodies, in their own axes.
     """
 
     cvel: Float[Array, "njnt 6"]
     bias: Float[Array, "njnt 6"]
+    free: Float[Array, "n 6"]
 
 
 def velocities(model: Model, kin: Kinematics, qvel: Float[Array, "nv"]) -> Velocities:
@@ -38,7 +41,23 @@ def velocities(model: Model, kin: Kinematics, qvel: Float[Array, "nv"]) -> Veloc
     tree = model.tree
     joint, carried = joint_twists(model, kin, qvel)
     cvel = accumulate_outward(tree, joint)
-    return Velocities(cvel, accumulate_outward(tree, jax.vmap(cross_motion)(cvel, carried)))
+    bias = accumulate_outward(tree, jax.vmap(cross_motion)(cvel, carried))
+    return Velocities(cvel, bias, _free_twists(model, kin, qvel))
+
+
+def _free_twists(model: Model, kin: Kinematics, qvel: Float[Array, "nv"]) -> Float[Array, "n 6"]:
+    links = free_links(model)
+    if not len(links):
+        return jnp.zeros((0, 6), qvel.dtype)
+    each = take(qvel, free_dofs(model).ravel()).reshape(-1, 6)
+    mat = jax.vmap(quat_to_matrix)(take(kin.link_pose.quat, links))
+    return jnp.concatenate([each[:, 3:], jax.vmap(jnp.matmul)(each[:, :3], mat)], axis=1)
+
+
+def own_twists(model: Model, vel: Velocities) -> Float[Array, "njnt 6"]:
+    """Twists of the links in the axes of `own_axes`, about the trees' reference points."""
+    links = free_links(model)
+    return replace_rows(vel.cvel, links, vel.free) if len(links) else vel.cvel
 
 
 def joint_twists(

@@ -17,7 +17,6 @@ class Instant:
       motion: position and velocity.
       passive: forces of springs, dampers, gravity compensation and drag.
       actuation: state of the actuators.
-      inertial_force: wrench on each link for zero `qacc`, with gravity; tree order.
       qfrc_smooth: all generalised forces except those of constraints, minus the bias.
       constrained: contacts, constraint forces and the acceleration.
     """
@@ -25,7 +24,6 @@ class Instant:
     motion: Motion
     passive: PassiveForces
     actuation: Actuation
-    inertial_force: Float[Array, "njnt 6"]
     qfrc_smooth: Float[Array, "nv"]
     constrained: Constrained
 

@@ -9,8 +9,7 @@ from jaxsim.constraint import Constrained, constrained_at
 from jaxsim.dynamics.aba import solve_mass
 from jaxsim.dynamics.crba import composite_mass_matrix
 from jaxsim.dynamics.motion import motion_of
-from jaxsim.dynamics.rnea import generalized_force, inertial_force
-from jaxsim.dynamics.tendon_inertia import has_tendon_inertia, tendon_bias
+from jaxsim.dynamics.rnea import inertial_force, qfrc_bias
 from jaxsim.engine.instant import Instant
 from jaxsim.engine.readout import read_sensors
 from jaxsim.engine.status import Status
@@ -107,9 +106,6 @@ def report(now: Instant, state: State) -> Forward:
             kinetic_energy(model, kin, now.motion.vel, state.qvel),
         ]
     )
-    bias = generalized_force(model, kin, now.inertial_force)
-    if has_tendon_inertia(model):
-        bias = bias + tendon_bias(model, kin, now.motion.vel)
     qacc_smooth = solve_mass(model, kin, now.qfrc_smooth)
     return Forward(
         xpos=kin.xpos,
@@ -122,7 +118,7 @@ def report(now: Instant, state: State) -> Forward:
         site_xmat=kin.site_xmat,
         subtree_com=kin.subtree_com,
         mass_matrix=composite_mass_matrix(model, kin),
-        qfrc_bias=bias,
+        qfrc_bias=qfrc_bias(model, kin, now.motion.vel),
         qfrc_passive=now.passive.qfrc_passive,
         qfrc_actuator=now.actuation.qfrc_actuator,
         qfrc_smooth=now.qfrc_smooth,

@@ -17,12 +17,7 @@ from jaxsim.arrays.precision import full_precision
 from jaxsim.collision import Contact, detect, model_candidates
 from jaxsim.constraint import constrained_acceleration, with_entry_times
 from jaxsim.dynamics.motion import Motion, motion_of
-from jaxsim.dynamics.rnea import (
-    generalized_force,
-    link_accelerations,
-    link_forces,
-    wrench_on_links,
-)
+from jaxsim.dynamics.rnea import bias_forces, generalized_force, wrench_on_links
 from jaxsim.dynamics.tendon_inertia import has_tendon_inertia, tendon_bias
 from jaxsim.engine.instant import Instant
 from jaxsim.engine.integrators import INTEGRATORS, Step
@@ -109,16 +104,16 @@ def evaluate(model: Model, state: State, ctrl: Float[Array, "nu"] | None) -> Ins
     """Forces, contacts and accelerations of a state."""
     motion = motion_of(model, state)
     kin, vel = motion.kin, motion.vel
-    inertial = link_forces(model, kin, vel, link_accelerations(model, kin, vel))
+    bias, own_bias = bias_forces(model, kin, vel)
     touching = contacts(motion)
     passive, actuators = forces(motion, state, ctrl, touching)
     # One sum over the tree for both the applied and the inertial wrenches.
-    on_links = generalized_force(model, kin, applied_wrench(motion, state) - inertial)
+    on_links = generalized_force(model, kin, applied_wrench(motion, state) - bias) - own_bias
     total = passive.qfrc_passive + actuators.qfrc_actuator + state.qfrc_applied + on_links
     if has_tendon_inertia(model):
         total = total - tendon_bias(model, kin, vel)
     found = constrained_acceleration(motion, touching, total, state.qacc_warmstart)
-    return Instant(motion, passive, actuators, inertial, total, found)
+    return Instant(motion, passive, actuators, total, found)
 
 
 def forces(

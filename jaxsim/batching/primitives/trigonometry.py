@@ -56,7 +56,8 @@ def _wave(shift: int, x: jax.Array) -> jax.Array:
     r = x
     for part in _QUARTER_TURN:
         r = r - turns * part
-    r = lax.clamp(-1.0, r, 1.0)  # beyond where the products are exact
+    one = r.dtype.type(1)
+    r = lax.clamp(-one, r, one)  # beyond where the products are exact
     quadrant = turns + shift
     quadrant = quadrant - 4 * lax.floor(0.25 * quadrant)
     square = r * r

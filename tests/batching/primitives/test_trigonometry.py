@@ -47,6 +47,15 @@ def test_large_and_not_finite(f, exact):
     assert np.all(np.isnan(found[3:]))
 
 
+@waves
+def test_float32_numbers_where_float64_is_enabled(f, exact):
+    x = np.linspace(-3, 3, 100, dtype=np.float32)
+    with jax.enable_x64(True):
+        found = vmap(f)(jnp.asarray(x))
+    assert found.dtype == np.float32
+    np.testing.assert_allclose(found, exact(x.astype(float)), rtol=0, atol=BOUND)
+
+
 @pytest.mark.parametrize("f", [jnp.sin, jnp.cos])
 def test_derivatives(f):
     """Of first and second order, of the batch and in it, forward and reverse."""
