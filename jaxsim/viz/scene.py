@@ -39,6 +39,7 @@ class Scene:
         self.extent, center = bounds(model, data)
         self.places = places(envs, self.extent)
         self._model, self._com = model, com
+        _make_floors_endless(model)
         self._others = _without_planes(model) if envs > 1 else model
         self._stage = stage(
             model,
@@ -91,8 +92,21 @@ class Scene:
 def _without_planes(model: mujoco.MjModel) -> mujoco.MjModel:
     """One floor serves all environments, and must reach below all of them."""
     others = copy.copy(model)
-    planes = model.geom_type == _PLANE
-    others.geom_group[planes] = _HIDDEN
-    up = planes & (np.abs(model.geom_quat[:, 0]) > 0.999)
-    model.geom_size[up, :2] = 0  # without end
+    others.geom_group[model.geom_type == _PLANE] = _HIDDEN
     return others
+
+
+def _make_floors_endless(model: mujoco.MjModel) -> None:
+    """Floors are drawn without an end, as contacts have it; their tiles keep their size.
+
+    MuJoCo repeats a material that is not `texuniform` over half of a plane, and over one unit of
+    length where the plane has no end.
+    """
+    up = (model.geom_type == _PLANE) & (np.abs(model.geom_quat[:, 0]) > 0.999)
+    for geom in np.nonzero(up)[0]:
+        size, material = model.geom_size[geom, :2].copy(), model.geom_matid[geom]
+        if not size.all():
+            continue
+        model.geom_size[geom, :2] = 0
+        if material >= 0 and not model.mat_texuniform[material]:
+            model.mat_texrepeat[material] /= size

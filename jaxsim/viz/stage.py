@@ -51,6 +51,8 @@ class Stage:
 
     def add(self, scene: mujoco.MjvScene) -> None:
         """Add to a scene what it lacks."""
+        # A white line where endless floors meet the sky.
+        scene.flags[mujoco.mjtRndFlag.mjRND_HAZE] = False
         if self.floor is not None:
             self._add_floor(scene, self.floor)
         if self.sun:

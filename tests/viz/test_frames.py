@@ -39,7 +39,20 @@ def test_a_model_is_drawn_with_its_looks_and_its_present_sizes(bundled):
     np.testing.assert_allclose(drawing.pose(state).geom_xpos, data.geom_xpos, atol=1e-5)
     drawn = drawing.model
     np.testing.assert_array_equal(drawn.geom_rgba, source.geom_rgba)
-    np.testing.assert_allclose(drawn.geom_size, 1.5 * source.geom_size, rtol=1e-6)
+    floor = source.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
+    np.testing.assert_allclose(drawn.geom_size[~floor], 1.5 * source.geom_size[~floor], rtol=1e-6)
+
+
+def test_floors_have_no_end_and_tiles_keep_their_size():
+    """A tile of a plane of 4 m, repeated 8 times over half of it, is half a metre long."""
+    xml = """<mujoco><asset><texture name="t" type="2d" builtin="checker" width="8" height="8"/>
+      <material name="m" texture="t" texrepeat="8 8"/></asset>
+      <worldbody><geom type="plane" size="4 2 1" material="m"/>
+      <geom type="plane" size="4 2 1" euler="0 90 0"/></worldbody></mujoco>"""
+    drawn = Frames(mujoco.MjModel.from_xml_string(xml)).model
+    np.testing.assert_array_equal(drawn.geom_size[0], [0, 0, 1])
+    np.testing.assert_allclose(drawn.mat_texrepeat[0], [2, 4])
+    np.testing.assert_array_equal(drawn.geom_size[1], [4, 2, 1])  # a wall
 
 
 def test_mocap_bodies_move():
