@@ -1,5 +1,6 @@
 """Tools for jaxprs, equations and types that do not depend on `forms`."""
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
@@ -40,6 +41,15 @@ def bodies(eqn) -> Iterator[Any]:
 def length(eqns: Sequence) -> int:
     """Number of equations, including those of called and inner programs."""
     return sum(1 + sum(length(jaxpr.eqns) for jaxpr in bodies(eqn)) for eqn in eqns)
+
+
+def num_scalars(eqns: Sequence) -> int:
+    """Number of scalars computed by equations, those of inner programs counted once."""
+    return sum(
+        sum(math.prod(v.aval.shape) for v in eqn.outvars)
+        + sum(num_scalars(jaxpr.eqns) for jaxpr in bodies(eqn))
+        for eqn in eqns
+    )
 
 
 def with_bodies(eqn, change: Callable):

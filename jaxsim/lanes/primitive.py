@@ -14,6 +14,7 @@ import jax.numpy as jnp
 from jax.extend import core as jex
 from jax.interpreters import ad, batching, mlir
 
+from jaxsim.arrays import tuning
 from jaxsim.batching import forms, jaxprs, registry
 from jaxsim.batching.interpret import Lanes
 
@@ -22,7 +23,8 @@ def as_kernel(f: Callable) -> Callable:
     """The same function, compiled for a CPU as one kernel where it is mapped over a batch.
 
     It means what `f` means, under `jit`, `vmap` and derivatives. It pays for functions of some
-    hundred operations and more; the machine code stays until the process ends.
+    hundred operations and more; the machine code stays until the process ends. Where its program is
+    larger than `tuning.KERNEL_SCALARS`, `f` is called as it is, and XLA compiles it.
 
     Args:
       f: a function of pytrees of arrays, written for one element. It may close over arrays, but
@@ -35,6 +37,8 @@ def as_kernel(f: Callable) -> Callable:
         kinds = [jaxprs.element(x, None) for x in leaves]
         flat = lambda *xs: f(*jax.tree.unflatten(tree, xs))  # noqa: E731
         traced, shapes = jax.make_jaxpr(flat, return_shape=True)(*kinds)
+        if jaxprs.num_scalars(traced.jaxpr.eqns) > tuning.KERNEL_SCALARS:
+            return f(*args)
         return jax.tree.unflatten(jax.tree.structure(shapes), _bind(traced, leaves))
 
     return call

@@ -8,6 +8,8 @@ from jax import export, lax
 from oracle import quick_jit
 
 import jaxsim
+from jaxsim.arrays import tuning
+from jaxsim.batching import jaxprs
 from jaxsim.lanes import as_kernel, compiler, primitive
 
 RNG = np.random.default_rng(2)
@@ -98,6 +100,14 @@ def test_what_is_unknown_stays_with_xla(monkeypatch):
     primitive._warn.cache_clear()
     with pytest.warns(UserWarning, match="leaves a program to XLA: it does not know this"):
         assert_same(quick_jit(jax.vmap(as_kernel(g)))(X), jax.vmap(g)(X))
+
+
+def test_large_programs_are_those_of_xla(monkeypatch):
+    traced = jax.make_jaxpr(g)(X[0])
+    monkeypatch.setattr(tuning, "KERNEL_SCALARS", jaxprs.num_scalars(traced.eqns) - 1)
+    assert "lane_batch" not in str(jax.make_jaxpr(jax.vmap(as_kernel(g)))(X))
+    monkeypatch.setattr(tuning, "KERNEL_SCALARS", jaxprs.num_scalars(traced.eqns))
+    assert "lane_batch" in str(jax.make_jaxpr(jax.vmap(as_kernel(g)))(X))
 
 
 def test_equal_operations_are_made_once():
