@@ -8,6 +8,8 @@ import pytest
 import jaxsim
 from jaxsim.lanes import switch
 
+pytest.importorskip("llvmlite")
+
 BATCH, STEPS = 21, 10
 
 
