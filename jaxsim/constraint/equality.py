@@ -12,7 +12,7 @@ from jaxsim.constraint.impedance import inverse_where, response
 from jaxsim.constraint.jacobian import DenseRows, link_rows, moves_anything, row_velocity
 from jaxsim.constraint.points import Ends, bias_acceleration, ends, twist_rows
 from jaxsim.dynamics.motion import Motion
-from jaxsim.dynamics.tendon import tendon_jacobian
+from jaxsim.dynamics.tendons.tendon import tendon_jacobian
 from jaxsim.model.dof_order import to_tree_order
 from jaxsim.solver import Quadratic
 from jaxsim.spatial import quat_conj, quat_mul

@@ -10,7 +10,7 @@ from jaxsim.constraint.block import Block, RowType
 from jaxsim.constraint.impedance import response
 from jaxsim.constraint.jacobian import DenseRows, DofRows, row_velocity
 from jaxsim.dynamics.motion import Motion
-from jaxsim.dynamics.tendon import tendon_jacobian
+from jaxsim.dynamics.tendons.tendon import tendon_jacobian
 from jaxsim.model.dof_order import to_tree_order
 from jaxsim.solver import Huber
 

@@ -14,7 +14,7 @@ from jaxsim.constraint.entry import entry
 from jaxsim.constraint.impedance import inverse_where, response
 from jaxsim.constraint.jacobian import DenseRows, DofRows, moves_anything, row_velocity
 from jaxsim.dynamics.motion import Motion
-from jaxsim.dynamics.tendon import tendon_jacobian
+from jaxsim.dynamics.tendons.tendon import tendon_jacobian
 from jaxsim.joints import JOINTS
 from jaxsim.joints.grouping import position_rows, shared_type
 from jaxsim.model import Model

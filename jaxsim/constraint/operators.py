@@ -39,7 +39,7 @@ from jaxsim.dynamics.free_bodies import own_axes, own_inertia, own_motion_axes
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.dynamics.rnea import tree_force
-from jaxsim.dynamics.tendon_inertia import has_tendon_inertia, tendon_inertia
+from jaxsim.dynamics.tendons.inertia import has_tendon_inertia, tendon_inertia
 from jaxsim.dynamics.tree import accumulate_outward
 from jaxsim.model import Model
 from jaxsim.model.dof_order import to_compound_order

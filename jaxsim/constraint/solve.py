@@ -22,7 +22,7 @@ from jaxsim.constraint.limit import limit_blocks
 from jaxsim.constraint.noslip import PASSES, without_slip
 from jaxsim.constraint.operators import TreeOperator, make_operator
 from jaxsim.dynamics.motion import Motion
-from jaxsim.dynamics.tendon_inertia import has_tendon_inertia
+from jaxsim.dynamics.tendons.inertia import has_tendon_inertia
 from jaxsim.forces.damper import damps_dofs, dof_damping_slope
 from jaxsim.model import Model, ModelError
 from jaxsim.model.dof_order import from_compound_order, to_compound_order

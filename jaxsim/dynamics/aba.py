@@ -14,7 +14,7 @@ from jaxsim.dynamics.crba import composite_mass_matrix
 from jaxsim.dynamics.kinematics import Kinematics, kinematics
 from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.dynamics.rnea import qfrc_bias
-from jaxsim.dynamics.tendon_inertia import has_tendon_inertia
+from jaxsim.dynamics.tendons.inertia import has_tendon_inertia
 from jaxsim.dynamics.tree import inward, outward
 from jaxsim.dynamics.velocity import velocities
 from jaxsim.model import Model

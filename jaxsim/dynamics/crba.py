@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 from jaxsim.arrays.precision import full_precision
 from jaxsim.dynamics.kinematics import Kinematics, kinematics
 from jaxsim.dynamics.reflected import dof_armature
-from jaxsim.dynamics.tendon_inertia import has_tendon_inertia, tendon_inertia
+from jaxsim.dynamics.tendons.inertia import has_tendon_inertia, tendon_inertia
 from jaxsim.dynamics.tree import inward
 from jaxsim.model import Model
 from jaxsim.model.dof_order import from_tree_order, to_tree_order

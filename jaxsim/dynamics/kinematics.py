@@ -8,10 +8,10 @@ from jaxtyping import Array, Float
 
 from jaxsim.arrays.constants import MINVAL
 from jaxsim.arrays.indexing import take
-from jaxsim.dynamics.fixed_tendon import fixed_length
 from jaxsim.dynamics.links import Links, link_parameters
-from jaxsim.dynamics.spatial_tendon import spatial_paths
-from jaxsim.dynamics.tendon_path import spatial_tendons
+from jaxsim.dynamics.tendons.fixed import fixed_length
+from jaxsim.dynamics.tendons.path import spatial_tendons
+from jaxsim.dynamics.tendons.spatial import spatial_paths
 from jaxsim.dynamics.tree import accumulate_inward, outward
 from jaxsim.joints.grouping import per_joint, position_rows
 from jaxsim.model import Model

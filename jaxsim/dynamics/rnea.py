@@ -16,7 +16,7 @@ from jaxsim.arrays.precision import full_precision
 from jaxsim.dynamics.free_bodies import free_dofs, free_links, replace_rows
 from jaxsim.dynamics.kinematics import Kinematics, kinematics
 from jaxsim.dynamics.reflected import dof_armature
-from jaxsim.dynamics.tendon_inertia import has_tendon_inertia, tendon_bias, tendon_inertia
+from jaxsim.dynamics.tendons.inertia import has_tendon_inertia, tendon_bias, tendon_inertia
 from jaxsim.dynamics.tree import accumulate_inward, accumulate_outward
 from jaxsim.dynamics.velocity import Velocities, velocities
 from jaxsim.model import Model

@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 from jaxsim.arrays.indexing import sum_by, take
 from jaxsim.dynamics.jacobian import site_jacobian
 from jaxsim.dynamics.kinematics import Kinematics
-from jaxsim.dynamics.tendon import tendon_jacobian
+from jaxsim.dynamics.tendons.tendon import tendon_jacobian
 from jaxsim.joints import JOINTS
 from jaxsim.joints.grouping import per_joint, position_rows
 from jaxsim.model import Model

@@ -7,7 +7,7 @@ from flax import struct
 from jaxtyping import Array, Float, Int
 
 from jaxsim.arrays.precision import full_precision
-from jaxsim.dynamics.tendon import tendon_jacobian, tendon_velocity
+from jaxsim.dynamics.tendons.tendon import tendon_jacobian, tendon_velocity
 from jaxsim.dynamics.transmission import actuator_moment
 from jaxsim.engine.instant import Instant
 from jaxsim.engine.readout import body_wrenches

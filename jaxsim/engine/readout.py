@@ -6,7 +6,7 @@ from jaxtyping import Array, Float
 
 from jaxsim.constraint import Constrained, RowType
 from jaxsim.dynamics.motion import Motion
-from jaxsim.dynamics.tendon import tendon_velocity
+from jaxsim.dynamics.tendons.tendon import tendon_velocity
 from jaxsim.engine.instant import Instant
 from jaxsim.forces.external import external_wrench
 from jaxsim.model import State

@@ -18,7 +18,7 @@ from jaxsim.collision import Contact, detect, model_candidates
 from jaxsim.constraint import constrained_acceleration, with_entry_times
 from jaxsim.dynamics.motion import Motion, motion_of
 from jaxsim.dynamics.rnea import bias_forces, generalized_force, wrench_on_links
-from jaxsim.dynamics.tendon_inertia import has_tendon_inertia, tendon_bias
+from jaxsim.dynamics.tendons.inertia import has_tendon_inertia, tendon_bias
 from jaxsim.engine.instant import Instant
 from jaxsim.engine.integrators import INTEGRATORS, Step
 from jaxsim.engine.status import Status

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 from flax import struct
 from jaxtyping import Array, Float
 
-from jaxsim.dynamics.fixed_tendon import fixed_length, fixed_velocity
+from jaxsim.dynamics.tendons.fixed import fixed_length, fixed_velocity
 from jaxsim.envs.base.env import Task, static
 from jaxsim.envs.base.moment import Moment
 from jaxsim.envs.base.start import uniform_start

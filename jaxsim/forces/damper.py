@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 from jaxsim.arrays.polynomial import damping_force, damping_slope
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.reflected import dof_damping, tendon_damping
-from jaxsim.dynamics.tendon import tendon_force_on_joints, tendon_velocity
+from jaxsim.dynamics.tendons.tendon import tendon_force_on_joints, tendon_velocity
 from jaxsim.dynamics.transmission import TENDON
 from jaxsim.model import Model
 from jaxsim.model.facts import fact

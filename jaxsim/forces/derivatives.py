@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.rnea import generalized_force, link_bias
-from jaxsim.dynamics.tendon import tendon_jacobian
+from jaxsim.dynamics.tendons.tendon import tendon_jacobian
 from jaxsim.dynamics.transmission import scalar_actuators, scalar_damping
 from jaxsim.dynamics.velocity import Velocities, velocities
 from jaxsim.forces.actuation import Actuation, disabled_actuators, gains

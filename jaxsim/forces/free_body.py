@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from jaxsim.arrays.indexing import take
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.reflected import dof_armature
-from jaxsim.dynamics.tendon_inertia import has_tendon_inertia, tendon_inertia
+from jaxsim.dynamics.tendons.inertia import has_tendon_inertia, tendon_inertia
 from jaxsim.forces.derivatives import Damping
 from jaxsim.joints import JOINTS, Joint
 from jaxsim.model import Model

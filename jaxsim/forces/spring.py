@@ -6,7 +6,7 @@ from jaxtyping import Array, Float
 
 from jaxsim.arrays.polynomial import poly_coefficient, spring_force
 from jaxsim.dynamics.kinematics import Kinematics
-from jaxsim.dynamics.tendon import tendon_force_on_joints
+from jaxsim.dynamics.tendons.tendon import tendon_force_on_joints
 from jaxsim.joints import Joint
 from jaxsim.joints.grouping import per_joint, position_rows
 from jaxsim.model import Model

@@ -12,7 +12,7 @@ from jaxsim.dynamics.aba import solve_mass
 from jaxsim.dynamics.crba import tree_mass_matrix
 from jaxsim.dynamics.jacobian import body_jacobians
 from jaxsim.dynamics.kinematics import Kinematics, kinematics
-from jaxsim.dynamics.tendon import tendon_jacobian
+from jaxsim.dynamics.tendons.tendon import tendon_jacobian
 from jaxsim.dynamics.transmission import actuator_moment, transmission
 from jaxsim.dynamics.tree import accumulate_inward
 from jaxsim.joints import JOINTS

@@ -13,7 +13,7 @@ from jaxsim.arrays.polynomial import spring_energy
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.dynamics.rnea import gravity
-from jaxsim.dynamics.tendon_inertia import has_tendon_inertia, tendon_inertia
+from jaxsim.dynamics.tendons.inertia import has_tendon_inertia, tendon_inertia
 from jaxsim.dynamics.velocity import Velocities
 from jaxsim.joints import Joint
 from jaxsim.joints.grouping import per_joint, position_rows

@@ -11,7 +11,7 @@ from tendon_models import tendon_model
 
 import jaxsim
 from jaxsim.dynamics.kinematics import kinematics
-from jaxsim.dynamics.tendon import tendon_jacobian, tendon_velocity
+from jaxsim.dynamics.tendons.tendon import tendon_jacobian, tendon_velocity
 from jaxsim.joints.coordinates import integrate_pos
 
 CONVERGED = 'integrator="implicitfast" iterations="200" tolerance="1e-14"'

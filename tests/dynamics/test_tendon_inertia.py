@@ -8,7 +8,7 @@ import pytest
 from oracle import quick_jit
 
 import jaxsim
-from jaxsim.dynamics.tendon_inertia import has_tendon_inertia
+from jaxsim.dynamics.tendons.inertia import has_tendon_inertia
 
 # Tendons along a chain, across branches, to a free body, with a pulley, and on a ball joint.
 XML = """

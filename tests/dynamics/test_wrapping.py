@@ -7,8 +7,8 @@ import pytest
 from oracle import quick_jit
 
 from jaxsim.arrays.norms import safe_norm
-from jaxsim.dynamics.circle import around, through
-from jaxsim.dynamics.wrapping import wrap_cylinder, wrap_sphere
+from jaxsim.dynamics.tendons.circle import around, through
+from jaxsim.dynamics.tendons.wrapping import wrap_cylinder, wrap_sphere
 
 SURFACES = {"sphere": wrap_sphere, "cylinder": wrap_cylinder}
 SIDES = {"none": None, "outside": (0.0, 0.0, -0.3), "inside": (0.0, 0.0, 0.02)}

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from random_models import random_model
 
+import jaxsim
 from jaxsim.io import load
-from jaxsim.model import Model, ModelError
+from jaxsim.model import Model
 from jaxsim.model.structure import ARRAYS, SIZES
 
 
@@ -104,10 +105,17 @@ def test_frames_are_those_that_the_engine_uses():
     np.testing.assert_array_equal(model.site_pos, data.site_xpos)
 
 
-def test_armature_of_an_actuator_belongs_to_a_joint():
+def test_armature_of_an_actuator_on_a_joint_or_a_tendon():
     xml = """<mujoco><worldbody><body><joint name="j"/><geom size="1"/></body></worldbody>
       <tendon><fixed name="t"><joint joint="j" coef="1"/></fixed></tendon>
       <actuator><motor {}="{}" armature="1"/></actuator></mujoco>"""
-    assert load(xml.format("joint", "j")).nu == 1
-    with pytest.raises(ModelError, match="actuator number 0 of tendon 't': armature"):
-        load(xml.format("tendon", "t"))
+    for kind, name in (("joint", "j"), ("tendon", "t")):
+        mj = mujoco.MjModel.from_xml_string(xml.format(kind, name))
+        data = mujoco.MjData(mj)
+        mujoco.mj_forward(mj, data)
+        with jax.enable_x64(True):
+            model = load(mj)
+            mass = jaxsim.mass_matrix(model, jaxsim.make_state(model).qpos)
+        full = np.zeros((1, 1))
+        mujoco.mj_fullM(mj, data, full)
+        np.testing.assert_allclose(mass, full, rtol=1e-12)

@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 from jaxsim.dynamics.aba import solve_articulated
 from jaxsim.dynamics.crba import composite_mass_matrix
 from jaxsim.dynamics.reflected import dof_armature
-from jaxsim.dynamics.tendon_inertia import has_tendon_inertia
+from jaxsim.dynamics.tendons.inertia import has_tendon_inertia
 from jaxsim.engine.instant import Instant
 from jaxsim.forces.derivatives import Damping, damping_matrix
 from jaxsim.model import Model

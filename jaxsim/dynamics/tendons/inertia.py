@@ -12,9 +12,9 @@ from jaxtyping import Array, Float
 from jaxsim.arrays.indexing import sum_by, take
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.reflected import tendon_armature
-from jaxsim.dynamics.spatial_tendon import unit_wrenches
-from jaxsim.dynamics.tendon import tendon_force_on_joints, tendon_jacobian
-from jaxsim.dynamics.tendon_path import spatial_tendons
+from jaxsim.dynamics.tendons.path import spatial_tendons
+from jaxsim.dynamics.tendons.spatial import unit_wrenches
+from jaxsim.dynamics.tendons.tendon import tendon_force_on_joints, tendon_jacobian
 from jaxsim.dynamics.velocity import Velocities, body_twists
 from jaxsim.model import Model
 

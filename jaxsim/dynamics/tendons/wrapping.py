@@ -14,7 +14,7 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsim.arrays.constants import MINVAL
 from jaxsim.arrays.norms import norm_and_divisor, safe_norm
-from jaxsim.dynamics.circle import Arc, around, through
+from jaxsim.dynamics.tendons.circle import Arc, around, through
 
 
 class Wrap(NamedTuple):

@@ -8,9 +8,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxsim.arrays.indexing import take
-from jaxsim.dynamics.fixed_tendon import fixed_force_on_joints, fixed_jacobian, fixed_velocity
 from jaxsim.dynamics.kinematics import Kinematics
-from jaxsim.dynamics.tendon_path import spatial_tendons
+from jaxsim.dynamics.tendons.fixed import fixed_force_on_joints, fixed_jacobian, fixed_velocity
+from jaxsim.dynamics.tendons.path import spatial_tendons
 from jaxsim.model import Model
 
 

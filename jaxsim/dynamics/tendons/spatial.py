@@ -14,8 +14,8 @@ from jaxtyping import Array, Float
 
 from jaxsim.arrays.indexing import sum_by, take
 from jaxsim.arrays.norms import norm_and_divisor
-from jaxsim.dynamics.tendon_path import CYLINDER, SPHERE, Segments, segments, spatial_tendons
-from jaxsim.dynamics.wrapping import wrap_cylinder, wrap_sphere
+from jaxsim.dynamics.tendons.path import CYLINDER, SPHERE, Segments, segments, spatial_tendons
+from jaxsim.dynamics.tendons.wrapping import wrap_cylinder, wrap_sphere
 from jaxsim.model import Model
 from jaxsim.model.dof_order import from_tree_order
 

@@ -1,0 +1,1 @@
+"""Tendons: their paths, lengths, moment arms and inertia."""
