@@ -8,14 +8,13 @@ import pathlib
 
 import jax
 import numpy as np
-from llvmlite.binding import llvm_version_info
 
 from jaxsim.batching import forms
 from jaxsim.lanes import rules, translate  # noqa: F401
 from jaxsim.lanes.code import cache
 from jaxsim.lanes.code.emit import Emitter
 from jaxsim.lanes.code.handler import handler, version
-from jaxsim.lanes.code.machine import Loaded, lanes_of, object_code, processor
+from jaxsim.lanes.code.machine import Loaded, lanes_of, llvm_version, object_code, processor
 from jaxsim.lanes.code.schedule import Schedule
 from jaxsim.lanes.identity import digest
 from jaxsim.lanes.program.builder import Builder
@@ -74,7 +73,7 @@ def kernel(program, batched: tuple[bool, ...], single: bool = False) -> Kernel:
 
 def _key(program, batched: tuple[bool, ...], single: bool) -> str:
     """What machine code depends on: program, compiler, processor."""
-    parts = digest(program), batched, single, _sources(), processor(), llvm_version_info, version()
+    parts = digest(program), batched, single, _sources(), processor(), llvm_version(), version()
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:32]
 
 

@@ -1,17 +1,30 @@
-"""Machine code: LLVM through llvmlite, for the processor of this machine."""
+"""Machine code: LLVM through llvmlite, an extra, for the processor of this machine."""
 
 import ctypes
 import functools
+from typing import Any
 
-import llvmlite.binding as llvm
 import numpy as np
+
+
+@functools.cache
+def _llvm() -> Any:
+    import llvmlite.binding
+
+    llvmlite.binding.initialize_native_target()
+    llvmlite.binding.initialize_native_asmprinter()
+    return llvmlite.binding
+
+
+def llvm_version() -> tuple[int, ...]:
+    """The release of LLVM."""
+    return tuple(_llvm().llvm_version_info)
 
 
 @functools.cache
 def processor() -> tuple[str, str]:
     """Name and features of this processor, as LLVM says them."""
-    llvm.initialize_native_target()
-    llvm.initialize_native_asmprinter()
+    llvm = _llvm()
     return llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
 
 
@@ -25,18 +38,20 @@ def lanes_of(itemsize: int) -> int:
 
 def object_code(text: str) -> bytes:
     """An object file of a program in LLVM's text."""
+    llvm = _llvm()
     module = llvm.parse_assembly(text)
     module.triple = llvm.get_process_triple()
     return _target().emit_object(module)
 
 
-def _target(opt: int = 1) -> llvm.TargetMachine:
+def _target() -> Any:
+    llvm = _llvm()
     cpu, features = processor()
     target = llvm.Target.from_triple(llvm.get_process_triple())
     return target.create_target_machine(
         cpu=cpu,
         features=f"{features},-prefer-256-bit",
-        opt=opt,
+        opt=1,
         jit=True,
         codemodel="jitdefault",
     )
@@ -46,6 +61,7 @@ class Loaded:
     """Machine code in memory, kept as long as this object."""
 
     def __init__(self, code: bytes):
+        llvm = _llvm()
         self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target())
         self._engine.add_object_file(llvm.ObjectFileRef.from_data(code))
         self._engine.finalize_object()
