@@ -1,10 +1,9 @@
 """`forward_details`: what MuJoCo's and MJX's `Data` hold beyond the fields of `Forward`."""
 
-import dataclasses
 from typing import Any
 
 from flax import struct
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from jaxsim.arrays.precision import full_precision
 from jaxsim.dynamics.tendons.tendon import tendon_jacobian, tendon_velocity
@@ -12,7 +11,7 @@ from jaxsim.dynamics.transmission import actuator_moment
 from jaxsim.engine.instant import Instant
 from jaxsim.engine.readout import body_wrenches
 from jaxsim.engine.report import Forward, report
-from jaxsim.engine.rows import constraint_rows
+from jaxsim.engine.rows import ConstraintRows, constraint_rows
 from jaxsim.engine.stepping import evaluate
 from jaxsim.model import Model, State
 from jaxsim.model.inputs import admit
@@ -22,7 +21,7 @@ from jaxsim.quantities.motion_axes import cdof, cdof_dot
 
 
 @struct.dataclass
-class ForwardDetails(Forward):
+class ForwardDetails(Forward, ConstraintRows):
     """`Forward`, and the quantities from which MuJoCo computes it; names and order are MuJoCo's.
 
     Spatial vectors are (angular, linear) in world axes about the centre of mass of the body's tree,
@@ -75,16 +74,6 @@ class ForwardDetails(Forward):
     ten_velocity: Float[Array, "ntendon"]
     ten_J: Float[Array, "ntendon nv"]
     actuator_moment: Float[Array, "nu nv"]
-    efc_type: Int[Array, "nefc"]
-    efc_id: Int[Array, "nefc"]
-    efc_J: Float[Array, "nefc nv"]
-    efc_pos: Float[Array, "nefc"]
-    efc_margin: Float[Array, "nefc"]
-    efc_frictionloss: Float[Array, "nefc"]
-    efc_D: Float[Array, "nefc"]
-    efc_vel: Float[Array, "nefc"]
-    efc_aref: Float[Array, "nefc"]
-    efc_force: Float[Array, "nefc"]
 
 
 @full_precision
@@ -106,12 +95,10 @@ def forward_details(
     """
     model, state, ctrl = admit(model, state, ctrl)
     now = evaluate(model, state, ctrl)
-    plain = report(now, state)
-    known: dict[str, Any] = {
-        field.name: getattr(plain, field.name) for field in dataclasses.fields(plain)
-    }
-    rows = constraint_rows(now.motion, now.constrained)._asdict()
-    return ForwardDetails(**known, **rows, **_spatial(now, state), **_lengths(now, state))
+    plain, rows = report(now, state), constraint_rows(now.motion, now.constrained)
+    return ForwardDetails(
+        **vars(plain), **vars(rows), **_spatial(now, state), **_lengths(now, state)
+    )
 
 
 def _spatial(now: Instant, state: State) -> dict[str, Any]:

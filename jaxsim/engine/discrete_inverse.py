@@ -1,7 +1,6 @@
 """`missing_force`: the inverse of a step of semi-implicit Euler, which needs no solve."""
 
 import jax.numpy as jnp
-import mujoco
 from jaxtyping import Array, Float
 
 from jaxsim.constraint import constrained_at
@@ -10,12 +9,10 @@ from jaxsim.dynamics.aba import solve_mass
 from jaxsim.dynamics.motion import motion_of
 from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.dynamics.rnea import generalized_force, link_accelerations, link_forces
+from jaxsim.engine.integrators.euler import damps_implicitly
 from jaxsim.engine.stepping import applied_wrench, contacts, forces
-from jaxsim.forces.damper import damps_dofs, dof_damping_slope
+from jaxsim.forces.damper import dof_damping_slope
 from jaxsim.model import Model, State
-
-_EULERDAMP = mujoco.mjtDisableBit.mjDSBL_EULERDAMP
-_DAMPER = mujoco.mjtDisableBit.mjDSBL_DAMPER
 
 
 def missing_force(
@@ -55,7 +52,6 @@ def missing_force(
 
 def _implicit_damping(model: Model, state: State) -> Float[Array, "nv"]:
     """`h D`, zero where the damping of joints is explicit."""
-    disabled = model.opt.disabled(_EULERDAMP) or model.opt.disabled(_DAMPER)
-    if disabled or damps_dofs(model) is False:
+    if not damps_implicitly(model):
         return jnp.zeros_like(state.qvel)
     return model.opt.timestep * dof_damping_slope(model, state.qvel)

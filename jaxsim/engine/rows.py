@@ -1,11 +1,10 @@
 """Constraint rows as MuJoCo lists them, `efc_J` and its companions."""
 
-from typing import NamedTuple
-
 import jax
 import jax.numpy as jnp
 import mujoco
 import numpy as np
+from flax import struct
 from jaxtyping import Array, Float, Int
 
 from jaxsim.arrays.indexing import take
@@ -28,7 +27,8 @@ _PYRAMIDAL = int(mujoco.mjtConstraint.mjCNSTR_CONTACT_PYRAMIDAL)
 _ELLIPTIC = int(mujoco.mjtConstraint.mjCNSTR_CONTACT_ELLIPTIC)
 
 
-class ConstraintRows(NamedTuple):
+@struct.dataclass
+class ConstraintRows:
     """All rows in MuJoCo's order; `ForwardDetails` describes the fields."""
 
     efc_type: Int[Array | np.ndarray, "nefc"]
@@ -52,7 +52,9 @@ def constraint_rows(motion: Motion, found: Constrained) -> ConstraintRows:
             ids = slots + np.arange(len(block.kind.aref))
             slots += len(ids)
         parts.append(_rows(motion, found, block, force, ids))
-    types, ids, *rest = (list(column) for column in zip(*parts, strict=True))
+    types, ids, *rest = (
+        list(column) for column in zip(*(vars(part).values() for part in parts), strict=True)
+    )
     types, ids = np.concatenate(types), np.concatenate(ids)
     # Blocks differ in the kind of their rows, MuJoCo's order only in their types and elements.
     order = np.lexsort((ids, types))

@@ -17,6 +17,7 @@ from jax.interpreters import ad, batching, mlir
 from jaxsim.arrays import tuning
 from jaxsim.batching import forms, jaxprs, registry
 from jaxsim.batching.interpret import Lanes
+from jaxsim.batching.primitives.jvp_rule import moving_leaves
 
 
 def as_kernel(f: Callable) -> Callable:
@@ -24,7 +25,7 @@ def as_kernel(f: Callable) -> Callable:
 
     It means what `f` means, under `jit`, `vmap` and derivatives. It pays for functions of some
     hundred operations and more; the machine code stays until the process ends. Where its program is
-    larger than `tuning.KERNEL_SCALARS`, `f` is called as it is, and XLA compiles it.
+    larger than `tuning.KERNEL_SCALARS`, the call stands for its equations, which XLA compiles.
 
     Args:
       f: a function of pytrees of arrays, written for one element. It may close over arrays, but
@@ -38,8 +39,10 @@ def as_kernel(f: Callable) -> Callable:
         flat = lambda *xs: f(*jax.tree.unflatten(tree, xs))  # noqa: E731
         traced, shapes = jax.make_jaxpr(flat, return_shape=True)(*kinds)
         if jaxprs.num_scalars(traced.jaxpr.eqns) > tuning.KERNEL_SCALARS:
-            return f(*args)
-        return jax.tree.unflatten(jax.tree.structure(shapes), _bind(traced, leaves))
+            results = _evaluate(*leaves, program=traced)
+        else:
+            results = _bind(traced, leaves)
+        return jax.tree.unflatten(jax.tree.structure(shapes), results)
 
     return call
 
@@ -76,20 +79,14 @@ def _types(*kinds, program):
 
 
 def _jvp(primals, tangents, *, program):
-    moving = [type(t) is not ad.Zero for t in tangents]
-    return _partial_jvp(functools.partial(_evaluate, program=program), primals, tangents, moving)
+    return _moving_jvp(functools.partial(_evaluate, program=program), primals, tangents)
 
 
-def _partial_jvp(f: Callable, primals, tangents, moving):
+def _moving_jvp(f: Callable, primals, tangents):
     """Results, and their derivatives along those operands that move."""
-
-    def partial(*some):
-        rest = iter(some)
-        return f(*[next(rest) if on else x for x, on in zip(primals, moving, strict=True)])
-
-    given = [x for x, on in zip(primals, moving, strict=True) if on]
-    along = [t for t, on in zip(tangents, moving, strict=True) if on]
-    return jax.jvp(partial, given, along)
+    along = [None if type(t) is ad.Zero else t for t in tangents]
+    moved, given, with_leaves = moving_leaves(list(primals), along)
+    return jax.jvp(lambda *xs: f(*with_leaves(*xs)), moved, given)
 
 
 def _batch(values, axes, *, program):
@@ -184,8 +181,7 @@ def _on_cpu(*xs, program, flags, size):
 
 
 def _batch_jvp(primals, tangents, **params):
-    moving = [type(t) is not ad.Zero for t in tangents]
-    return _partial_jvp(functools.partial(_by_xla, **params), primals, tangents, moving)
+    return _moving_jvp(functools.partial(_by_xla, **params), primals, tangents)
 
 
 def _more_lanes(values, axes, *, program, flags, size):

@@ -23,13 +23,17 @@ def integrate(model: Model, state: State, evaluate: Evaluate) -> Step:
     The disable flags `eulerdamp` and `damper` turn the implicit damping off.
     """
     now = evaluate(state)
-    explicit = model.opt.disabled(_EULERDAMP) or model.opt.disabled(_DAMPER)
     # Laws on velocities have the damping in their problem already.
-    explicit = explicit or model.contact in ON_VELOCITIES
-    if not model.nv or explicit or damps_dofs(model) is False:
+    if not damps_implicitly(model) or model.contact in ON_VELOCITIES:
         return semi_implicit(model, state, now, now.qacc)
     damping = Damping(dof_damping_slope(model, state.qvel), None, None)
     return semi_implicit(model, state, now, _damped(model, now, damping))
+
+
+def damps_implicitly(model: Model) -> bool:
+    """Whether joints may have damping, and no flag makes it explicit."""
+    disabled = model.opt.disabled(_EULERDAMP) or model.opt.disabled(_DAMPER)
+    return bool(model.nv) and not disabled and damps_dofs(model) is not False
 
 
 def _damped(model: Model, now: Instant, damping: Damping) -> Float[Array, "nv"]:

@@ -1,10 +1,7 @@
 """Machine code: LLVM through llvmlite, an extra, for the processor of this machine."""
 
-import ctypes
 import functools
 from typing import Any
-
-import numpy as np
 
 
 @functools.cache
@@ -69,9 +66,3 @@ class Loaded:
     def address(self, name: str) -> int:
         """Where a function starts."""
         return self._engine.get_function_address(name)
-
-
-def call_directly(address: int, arguments: list[np.ndarray], count: int) -> None:
-    """Run `@plain` of a program, for tests: pointers to all arrays, and the number of lanes."""
-    pointers = (ctypes.c_void_p * len(arguments))(*[a.ctypes.data for a in arguments])
-    ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64)(address)(pointers, count)
