@@ -84,30 +84,6 @@ class Constants:
         return model.replace(**values)
 
 
-@dataclasses.dataclass(frozen=True)
-class Frozen:
-    """All numbers of a model, for a program that knows every one of them; it can be hashed."""
-
-    structure: Any
-    leaves: tuple[tuple[str, tuple[int, ...], bytes], ...]
-
-    @classmethod
-    def of(cls, model: Any) -> "Frozen":
-        """A model whose leaves are not traced."""
-        leaves, structure = jax.tree.flatten(model)
-        arrays = [np.asarray(x) for x in leaves]
-        return cls(structure, tuple((x.dtype.str, x.shape, x.tobytes()) for x in arrays))
-
-    def model(self) -> Any:
-        """The model, its leaves constants wherever this is called."""
-        with jax.ensure_compile_time_eval():
-            arrays = [
-                jnp.asarray(np.frombuffer(data, dtype).reshape(shape))
-                for dtype, shape, data in self.leaves
-            ]
-        return jax.tree.unflatten(self.structure, arrays)
-
-
 def _numbers(model: Any, names: tuple[str, ...]) -> list[np.ndarray] | None:
     """The leaves as NumPy arrays, or None if one of them is traced."""
     try:

@@ -11,14 +11,15 @@ from jaxtyping import Array, Float
 
 from jaxsim.arrays import tuning
 from jaxsim.arrays.checkpoint import checkpoint
-from jaxsim.arrays.memo import is_traced
+from jaxsim.arrays.constant import Constant
+from jaxsim.arrays.memo import is_traced, once_for_each
 from jaxsim.batching.mapping import vmap
 from jaxsim.dynamics.components import motion_components
 from jaxsim.engine.status import Status
 from jaxsim.engine.stepping import scan_steps, step_with_status
 from jaxsim.lanes.switch import lanes_enabled
 from jaxsim.model import Model, State
-from jaxsim.model.facts import Constants, Frozen
+from jaxsim.model.facts import Constants
 from jaxsim.model.inputs import admit, admit_array, admit_model
 from jaxsim.parallel.chunks import chunk_lanes, map_chunks
 from jaxsim.parallel.devices import EVERYWHERE, SPLIT, device_mesh, everywhere, parallel, split
@@ -67,7 +68,7 @@ def batch_rollout(
     states, ctrls = split(jax.tree.map(pad, (states, ctrls)), mesh)
     if is_traced(ctrls):  # within `jax.jit` everything is
         return _asked_for(alone(), observe, status)
-    if lanes_enabled() and _first_numbers(known := Frozen.of(model)):
+    if lanes_enabled() and _first_numbers(known := _constant(model)):
         found = _compiled_kernels(observe, status, mesh, known)(states, ctrls)
     else:
         run = _compiled(observe, status, mesh, Constants.of(model, motion_components.leaves))
@@ -99,10 +100,15 @@ def _compiled(observe, status: bool, mesh: Mesh, constants: Constants):
     return parallel(shard, mesh, (EVERYWHERE, SPLIT, SPLIT), SPLIT)
 
 
+@once_for_each
+def _constant(model: Model) -> Constant:
+    return Constant(jax.tree.map(lambda x: x, model))  # not the model itself, see `once_for_each`
+
+
 @functools.lru_cache(maxsize=16)
-def _compiled_kernels(observe, status: bool, mesh: Mesh, known: Frozen):
+def _compiled_kernels(observe, status: bool, mesh: Mesh, known: Constant):
     """The rollout with one kernel for each step; one compilation for each model."""
-    model = known.model()
+    model = known.value
 
     def shard(states, ctrls):
         run = _run(functools.partial(step_with_status, model), observe, status)
@@ -112,12 +118,12 @@ def _compiled_kernels(observe, status: bool, mesh: Mesh, known: Frozen):
 
 
 @functools.lru_cache(maxsize=64)
-def _numbers_of(structure) -> list[Frozen]:
+def _numbers_of(structure) -> list[Constant]:
     """The first model of a structure; the list is filled by `_first_numbers`."""
     return []
 
 
-def _first_numbers(known: Frozen) -> bool:
+def _first_numbers(known: Constant) -> bool:
     """Whether no model of the same structure with other numbers came before.
 
     Whoever changes the numbers of a model gets a program for all numbers instead of a kernel for

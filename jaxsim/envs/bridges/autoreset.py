@@ -84,17 +84,17 @@ _MODES: dict[AutoresetMode, Callable] = {
 @programs_of
 def compiled_start(constant: Constant, mesh: Mesh) -> Callable:
     """`keys -> Batch` on the devices of the mesh."""
-    return parallel(functools.partial(start, constant.env), mesh, (SPLIT,), SPLIT)
+    return parallel(functools.partial(start, constant.value), mesh, (SPLIT,), SPLIT)
 
 
 @programs_of
 def compiled_reset(constant: Constant, mesh: Mesh) -> Callable:
     """`(batch, mask) -> Batch`."""
-    return parallel(functools.partial(reset_where, constant.env), mesh, (SPLIT, SPLIT), SPLIT)
+    return parallel(functools.partial(reset_where, constant.value), mesh, (SPLIT, SPLIT), SPLIT)
 
 
 @programs_of
 def compiled_step(constant: Constant, mesh: Mesh, mode: AutoresetMode) -> Callable:
     """`(batch, actions, done) -> (Batch, Outcome)`."""
-    step = functools.partial(_MODES[mode], constant.env)
+    step = functools.partial(_MODES[mode], constant.value)
     return parallel(step, mesh, (SPLIT, SPLIT, SPLIT), SPLIT)

@@ -66,7 +66,7 @@ class GymnasiumEnv(gymnasium.Env):
     @property
     def env(self) -> Env:
         """The environment of `jaxsim.envs` behind this one; a bundled one is made when needed."""
-        return self._placed.env
+        return self._placed.value
 
     @env.setter
     def env(self, env: Env) -> None:
@@ -154,7 +154,7 @@ class GymnasiumEnv(gymnasium.Env):
 def _restart(constant: Constant) -> tuple[Callable, Words, Callable]:
     """The compiled function `key -> (words, key, packed)`, and how both vectors are read."""
     results = packing.Layout()
-    begin = functools.partial(batch.restart, constant.env)
+    begin = functools.partial(batch.restart, constant.value)
     layout = Words.of(jax.eval_shape(begin, jax.random.key(0))[0])
 
     def restart(key):
@@ -170,7 +170,7 @@ def _step(constant: Constant, layout: Words) -> tuple[Callable, Callable]:
     results = packing.Layout()
 
     def step(words, action):
-        after = batch.guarded_step(constant.env, layout.unpacked(words), action)
+        after = batch.guarded_step(constant.value, layout.unpacked(words), action)
         return layout.packed(after), results.packed(after)
 
     return compiled(step, jax.default_backend()), results.unpacked

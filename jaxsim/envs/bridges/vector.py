@@ -173,7 +173,7 @@ class GymnasiumVectorEnv(VectorEnv):
 
     def _placed(self) -> Constant:
         check_fork()
-        if self.env is not self._constant.env:
+        if self.env is not self._constant.value:
             self._constant = Constant(self.env)
         return self._constant
 
