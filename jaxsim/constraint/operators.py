@@ -20,10 +20,10 @@ import jax
 import jax.numpy as jnp
 from flax import struct
 from jax import lax
-from jax.scipy.linalg import cho_solve
 from jaxtyping import Array, Float
 
 from jaxsim.arrays.indexing import sum_by, take
+from jaxsim.batching.matrices import cholesky, cholesky_solve
 from jaxsim.batching.primitives.decisions import any_in_batch
 from jaxsim.constraint.block import Block, RowType
 from jaxsim.constraint.jacobian import DenseRows, Jacobian, add_products
@@ -143,7 +143,7 @@ class TreeOperator:
     def unconstrained(self, r: Float[Array, "nv"]) -> TreePoint:
         """`M^-1 r`, lifted."""
         if self.coupling is not None:
-            return self.lift(cho_solve((factor(self._matrix(())), True), r))
+            return self.lift(cholesky_solve(factor(self._matrix(())), r))
         return self._solve_with((), r)
 
     def solve(self, curvatures: Rows, r: Float[Array, "nv"]) -> tuple[TreePoint, LinearStatus]:
@@ -169,7 +169,7 @@ class TreeOperator:
 
     def _solve_dense(self, curvatures: Rows, r) -> tuple[TreePoint, LinearStatus]:
         pairs = zip(self.jacobians, curvatures, strict=True)
-        x = cho_solve((factor(self._matrix(pairs)), True), r)
+        x = cholesky_solve(factor(self._matrix(pairs)), r)
         return self.lift(x), LinearStatus()
 
     def _solve_iteratively(self, curvatures: Rows, r) -> tuple[TreePoint, LinearStatus]:
@@ -251,12 +251,12 @@ def factor(H: Float[Array, "n n"]) -> Float[Array, "n n"]:
     is then not positive definite; `2 n eps diag(H)` outweighs what the factorisation rounds (Higham
     2002, "Accuracy and Stability of Numerical Algorithms", theorem 10.7).
     """
-    found, diagonal = lax.linalg.cholesky(H, symmetrize_input=False), jnp.diagonal(H)
+    found, diagonal = cholesky(H), jnp.diagonal(H)
     broken = ~jnp.isfinite(found[-1, -1]) & jnp.isfinite(jnp.sum(diagonal))
 
     def again(found, H):
         raised = H + jnp.diag(2 * len(H) * jnp.finfo(H.dtype).eps * diagonal)
-        return jnp.where(broken, lax.linalg.cholesky(raised, symmetrize_input=False), found)
+        return jnp.where(broken, cholesky(raised), found)
 
     return lax.cond(any_in_batch(broken), again, lambda found, _: found, found, H)
 

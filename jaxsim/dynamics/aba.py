@@ -9,6 +9,7 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from jaxsim.arrays.precision import full_precision
+from jaxsim.batching.matrices import solve
 from jaxsim.dynamics.components import motion_components, restrict, restrict_matrix
 from jaxsim.dynamics.crba import composite_mass_matrix
 from jaxsim.dynamics.kinematics import Kinematics, kinematics
@@ -55,7 +56,7 @@ def forward_dynamics(
 def solve_mass(model: Model, kin: Kinematics, force: Float[Array, "nv"]) -> Float[Array, "nv"]:
     """`M^-1 force`, armature included; in O(n) unless tendons have armature."""
     if has_tendon_inertia(model):
-        return jnp.linalg.solve(composite_mass_matrix(model, kin), force)
+        return solve(composite_mass_matrix(model, kin), force)
     matrices = jax.vmap(lambda inertia: inertia.as_matrix())(kin.inertia)
     return solve_articulated(model, kin.cdof, matrices, dof_armature(model), force)
 

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsim.arrays.indexing import take
+from jaxsim.batching.matrices import solve
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.dynamics.tendons.inertia import has_tendon_inertia, tendon_inertia
@@ -66,7 +67,7 @@ def _solve(model: Model, kin: Kinematics, joint: Joint, links: np.ndarray, qvel,
     def one(dof, axes, inertia, drag):
         bias = jax.jacfwd(lambda v: _bias(joint, inertia, axes, v))(qvel[dof])
         matrix = axes @ (inertia.as_matrix() + h * drag) @ axes.T + jnp.diag(diagonal[dof])
-        return jnp.linalg.solve(matrix + h * bias + extra[dof][:, dof], force[dof])
+        return solve(matrix + h * bias + extra[dof][:, dof], force[dof])
 
     axes = take(kin.cdof, _dofs(joint, model.tree.dof_start[links]).ravel())
     inertia = jax.tree.map(lambda a: take(a, links), kin.inertia)

@@ -10,6 +10,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from jaxsim.batching.matrices import solve
+
 WINDOW = 4
 # Regularisation of the least-squares problem, in units of rounding.
 _ROUNDING = 30.0
@@ -65,7 +67,7 @@ def _least_squares(rows: Float[Array, "m n"], b: Float[Array, "n"]) -> Float[Arr
     unit = rows / safe[:, None]
     ridge = _ROUNDING * jnp.finfo(b.dtype).eps
     gram = unit @ unit.T + jnp.diag(jnp.where(lengths > 0, ridge, 1.0))
-    return jnp.linalg.solve(gram, unit @ b) / safe
+    return solve(gram, unit @ b) / safe
 
 
 def _square(x: Float[Array, "n"]) -> Float[Array, ""]:

@@ -19,6 +19,8 @@ from flax import struct
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxsim.batching.matrices import cholesky, cholesky_solve
+
 _FIRST_DAMPING = 1e-3
 _STUCK = 1e8  # damping above which no step reduces the cost
 _RELATIVE_FLOOR = 1e-8  # relative floor of D, for parameters without effect on the residual
@@ -154,9 +156,7 @@ def damped_step(
         damping: Lambda.
     """
     diagonal = damped_diagonal(H, damping)
-    factor = jnp.linalg.cholesky(H + jnp.diag(diagonal))
-    half = jax.scipy.linalg.solve_triangular(factor, -g, lower=True)
-    step = jax.scipy.linalg.solve_triangular(factor.T, half, lower=False)
+    step = cholesky_solve(cholesky(H + jnp.diag(diagonal)), -g)
     return step, promise(g, step, diagonal)
 
 

@@ -9,8 +9,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jax.scipy.linalg import cho_factor, cho_solve
 from jaxtyping import Array, Bool, Float
+
+from jaxsim.batching.matrices import cholesky, cholesky_solve
 
 _STEPS = 50
 # Lengths along the projected step; the best of them and of one that surely descends is taken.
@@ -96,4 +97,4 @@ def restricted_solve(
     """`H_ff^-1 right_f` for the free numbers, zero for the others."""
     both = free[:, None] & free[None, :]
     matrix = jnp.where(both, hessian, jnp.eye(len(free), dtype=hessian.dtype))
-    return cho_solve(cho_factor(matrix), jnp.where(free[:, None], right, 0))
+    return cholesky_solve(cholesky(matrix), jnp.where(free[:, None], right, 0))

@@ -31,14 +31,15 @@ def assert_same(f, *args, derivatives=("jvp", "vjp"), tolerance=1e-9, **axes):
     """Values, and derivatives outside and inside, agree with those of `jax.vmap`."""
 
     def everything(batch):
-        return lambda *args: _everything(batch, f, args, axes, derivatives)
+        return lambda *args: with_derivatives(batch, f, args, axes, derivatives)
 
     assert_equal(
         compiled(everything(vmap), *args), compiled(everything(jax.vmap), *args), tolerance
     )
 
 
-def _everything(batch, f, args, axes, derivatives):
+def with_derivatives(batch, f, args, axes, derivatives):
+    """Values of f in a batch, and derivatives outside and inside of it, by name."""
     batched = batch(f, **axes)
     out = {"value": batched(*args)}
     if "jvp" in derivatives:

@@ -1,9 +1,9 @@
 """Accelerations with implicit damping."""
 
 import jax
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxsim.batching.matrices import solve
 from jaxsim.dynamics.aba import solve_articulated
 from jaxsim.dynamics.crba import composite_mass_matrix
 from jaxsim.dynamics.reflected import dof_armature
@@ -23,7 +23,7 @@ def solve_damped(
         damping = damping.replace(link_matrix=mean)
     if damping.dense is not None or has_tendon_inertia(model):
         matrix = composite_mass_matrix(model, kin) + h * damping_matrix(model, kin, damping)
-        return jnp.linalg.solve(matrix, force)
+        return solve(matrix, force)
     links = jax.vmap(lambda inertia: inertia.as_matrix())(kin.inertia)
     if damping.link_matrix is not None:
         links = links + h * damping.link_matrix

@@ -1,7 +1,6 @@
 """Integrator `implicit`: implicit in the velocity dependence of all smooth forces."""
 
-import jax.numpy as jnp
-
+from jaxsim.batching.matrices import solve
 from jaxsim.dynamics.crba import composite_mass_matrix
 from jaxsim.engine.integrators.advance import semi_implicit
 from jaxsim.engine.integrators.integrator import Evaluate, Step
@@ -18,4 +17,4 @@ def integrate(model: Model, state: State, evaluate: Evaluate) -> Step:
     damping = smooth_damping(model, kin, vel, state.qvel, now.actuation)
     slope = damping_matrix(model, kin, damping) + bias_derivative(model, kin, state.qvel)
     matrix = composite_mass_matrix(model, kin) + model.opt.timestep * slope
-    return semi_implicit(model, state, now, jnp.linalg.solve(matrix, now.force))
+    return semi_implicit(model, state, now, solve(matrix, now.force))
