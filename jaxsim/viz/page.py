@@ -15,16 +15,15 @@ import mujoco
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsim.io import to_mujoco
 from jaxsim.model import Model, State
 from jaxsim.viz.batch import batched, places
-from jaxsim.viz.drawing import Drawing, drawing, moving_bodies, xyzw
+from jaxsim.viz.drawing import drawing, moving_bodies, xyzw
+from jaxsim.viz.models import looks_of
 from jaxsim.viz.touch import Touch, metres_per_newton, touches
+from jaxsim.viz.viewpoint import positions, travel, viewpoint
 
 # Frames are left out, evenly, where the poses would be more numbers than this (2 MB of the page).
 MAX_NUMBERS = 400_000
-# The camera looks along +y from a little above; its distance is so many radii of what moves.
-AZIMUTH, ELEVATION, RADII = 90.0, -15.0, 4.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,10 +71,10 @@ def html(
     The page is one file and needs no network. Environments of a batch stand side by side.
 
     Args:
-      model: what was simulated; of a `mujoco.MjModel` only contact forces cannot be shown.
+      model: what was simulated.
       trajectory: states of one environment, stacked (T, ...), or of several (B, T, ...).
       contacts: also show contact points and the forces on the second geom of each. They are
-        computed by `jaxsim.forward`, which has to compile; it takes a `Model`.
+        computed by `jaxsim.forward`, which has to compile.
       ctrls: controls that go with the states, which contact forces depend on; zeros if None.
       quantities: arrays (T,) or (T, k) to plot under the cursor, by name; of the first environment
         where there are several.
@@ -86,10 +85,9 @@ def html(
       The page.
 
     Raises:
-      TypeError: contacts are asked for, but the model is not a `Model`.
       ValueError: shapes do not fit together.
     """
-    source = to_mujoco(model) if isinstance(model, Model) else model
+    source = looks_of(model)
     batch = batched(source, trajectory, "trajectory")
     envs, steps = batch.qpos.shape[:2]
     stride = _stride(envs, steps, 7 * len(moving_bodies(source)), ghost is not None)
@@ -98,6 +96,7 @@ def html(
     poses, start = _poses(source, batch, kept)
     drawn = drawing(source, start)
     stands = places(envs, drawn.extent)
+    follow = bool(envs == 1 and travel(poses[0]) > drawn.extent)
     record = {
         "times": numbers.add(np.asarray(batch.time)[0, kept]),
         "geoms": drawn.geoms,
@@ -112,8 +111,8 @@ def html(
         "series": _series(numbers, quantities or {}, steps, kept),
         "extent": drawn.extent,
         "tile": 10 ** round(math.log10(drawn.extent)) / 2,
-        "follow": bool(envs == 1 and _travel(poses[0]) > drawn.extent),
-        "camera": _camera(drawn, stands),
+        "follow": follow,
+        "camera": viewpoint(source, poses, drawn, stands, follow),
         "force": 0.0,
         "contacts": [],
     }
@@ -178,12 +177,7 @@ def _centers_of_mass(source: mujoco.MjModel, poses: np.ndarray, moving: np.ndarr
     mass = source.body_mass[moving]
     if not mass.sum() > 0:
         return []
-    local = source.body_ipos[moving]
-    x, y, z, w = np.moveaxis(poses[..., 3:], -1, 0)
-    vector = np.stack([x, y, z], axis=-1)
-    # Rotation by a unit quaternion: p + 2 v x (v x p + w p).
-    turned = local + 2 * np.cross(vector, np.cross(vector, local) + w[..., None] * local)
-    return np.einsum("m,...mk->...k", mass / mass.sum(), poses[..., :3] + turned)
+    return np.einsum("m,...mk->...k", mass / mass.sum(), positions(poses, source.body_ipos[moving]))
 
 
 def _series(numbers: _Numbers, quantities: Mapping[str, Array], steps: int, kept: np.ndarray):
@@ -210,22 +204,6 @@ def _contacts(numbers: _Numbers, found: list[Touch], extent: float):
         for touch in found
     ]
     return {"contacts": entries, "force": metres_per_newton(found, extent)}
-
-
-def _travel(poses: np.ndarray) -> float:
-    """How far the first body goes along the ground."""
-    path = poses[:, :1, :2].reshape(len(poses), -1)
-    return float(np.ptp(path, axis=0).max(initial=0)) if path.size else 0.0
-
-
-def _camera(drawn: Drawing, stands: np.ndarray) -> dict[str, Any]:
-    span = float(np.ptp(stands, axis=0).max())
-    return {
-        "target": (drawn.center + stands.mean(0)).tolist(),
-        "distance": RADII * drawn.extent + 1.2 * span,
-        "azimuth": AZIMUTH,
-        "elevation": ELEVATION if len(stands) == 1 else 2 * ELEVATION,
-    }
 
 
 def _filled(title: str, record: dict[str, Any]) -> str:

@@ -145,6 +145,39 @@ def test_the_page_asks_nothing_of_a_network(rng):
     assert page._repr_html_().startswith("<iframe srcdoc=")
 
 
+PENDULUM = """
+<mujoco>
+  <worldbody>
+    <body pos="0 0 1">
+      <joint axis="0 1 0"/><geom type="capsule" size=".02" fromto="0 0 0 0 0 -1"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def test_the_camera_sees_all_of_a_swing(rng):
+    """From the hanging pendulum alone its upper half would be out of the picture."""
+    model = mujoco.MjModel.from_xml_string(PENDULUM)
+    states = moved(model, rng, 100)
+    camera = record(html(model, states.replace(qpos=np.linspace(0, np.pi, 100)[:, None])))["camera"]
+    np.testing.assert_allclose(camera["target"], [-0.25, 0, 1], atol=0.05)
+    forward = np.deg2rad([camera["azimuth"], camera["elevation"]])
+    seen = camera["distance"] * np.tan(np.deg2rad(45 / 2))  # half of the picture's height
+    assert forward[0] == pytest.approx(np.pi / 2)
+    assert seen * np.cos(forward[1]) > 1.0
+    # Something that falls for ever is let go.
+    fallen = record(html(mujoco.MjModel.from_xml_string(BALL), _falling()))["camera"]
+    assert fallen["distance"] < 4
+
+
+def _falling() -> jaxsim.State:
+    states = moved(mujoco.MjModel.from_xml_string(BALL), np.random.default_rng(0), 10)
+    qpos = np.tile([0, 0, 1, 1.0, 0, 0, 0], (10, 1))
+    qpos[:, 2] -= 100 * np.arange(10)
+    return states.replace(qpos=qpos)
+
+
 def test_long_trajectories_are_thinned_out_evenly(monkeypatch, rng):
     model = mujoco.MjModel.from_xml_string(SCENE)
     monkeypatch.setattr("jaxsim.viz.page.MAX_NUMBERS", 3 * 7 * 50)
@@ -162,8 +195,6 @@ def test_wrong_shapes_are_named(rng):
         html(model, states, ghost=jax.tree.map(lambda x: x[:2], states))
     with pytest.raises(ValueError, match=r"quantities\['x'\] must have shape \(4,\)"):
         html(model, states, quantities={"x": np.zeros(5)})
-    with pytest.raises(TypeError, match="needs a jaxsim Model"):
-        html(model, states, contacts=True)
 
 
 BROWSER = shutil.which("chromium") or shutil.which("google-chrome")

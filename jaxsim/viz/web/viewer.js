@@ -26,7 +26,7 @@
     return;
   }
   renderer.shadowMap.enabled = true;
-  renderer.shadowMap.type = THREE.PCFSoftShadowMap;
+  renderer.shadowMap.type = THREE.PCFShadowMap;
   const scene = new THREE.Scene();
   scene.background = new THREE.Color(0xdfe8f2);
   scene.add(new THREE.HemisphereLight(0xffffff, 0xb9b4a8, 2.0));
@@ -281,7 +281,8 @@
   let frame = show(0);
   if (robots[0].moving.length) last.copy(followed());
   resize();
-  const frames = { count: 0, slowest: 0 };
+  const frames = { count: 0, slowest: 0, total: 0 };
+  const TRIED = 30, SLOW = 25;  // frames, and milliseconds of each
   function render() {
     frame = show(now);
     follow();
@@ -298,6 +299,9 @@
     if (before !== null && playing) {
       frames.count++;
       frames.slowest = Math.max(frames.slowest, stamp - before);
+      frames.total += stamp - before;
+      // Without a graphics card, shadows take a third of the time.
+      if (frames.count === TRIED && frames.total > SLOW * TRIED) sun.castShadow = false;
       now += Number(speed.value) * (stamp - before) / 1000;
       if (now > duration) now = 0;
       dirty = true;
