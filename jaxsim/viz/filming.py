@@ -8,11 +8,11 @@ import mujoco
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsim.io import to_mujoco
 from jaxsim.model import Model, State
 from jaxsim.viz.batch import batched
 from jaxsim.viz.cameras import Camera
 from jaxsim.viz.frames import Frames
+from jaxsim.viz.models import looks_of
 from jaxsim.viz.touch import metres_per_newton, touches
 from jaxsim.viz.video import write_video
 
@@ -41,7 +41,7 @@ def film(
     them, in the picture only.
 
     Args:
-      model: what was simulated; of a `mujoco.MjModel` only contacts cannot be shown.
+      model: what was simulated.
       trajectory: states of one environment, stacked (T, ...), or of several (B, T, ...).
       path: file to write; its ending, `.mp4` or `.gif`, is the format. Without an ending: MP4
         where imageio has its ffmpeg, or else GIF.
@@ -61,13 +61,12 @@ def film(
       The file written.
 
     Raises:
-      TypeError: contacts are asked for, but the model is not a `Model`.
       ValueError: shapes do not fit together, or an argument is out of range.
       RuntimeError: no OpenGL, or imageio is not installed; the message says what to install.
     """
     if not (fps > 0 and speed > 0):
         raise ValueError(f"fps and speed must be positive, got {fps} and {speed}")
-    source = to_mujoco(model) if isinstance(model, Model) else model
+    source = looks_of(model)
     batch = batched(source, trajectory, "trajectory")
     envs, steps = batch.qpos.shape[:2]
     labels = [label] * steps if isinstance(label, str) else list(label)

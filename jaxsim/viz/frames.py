@@ -6,10 +6,10 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from jaxsim.io import to_mujoco
 from jaxsim.model import Model, State
 from jaxsim.viz.cameras import Camera
 from jaxsim.viz.canvas import Canvas
+from jaxsim.viz.models import looks_of
 from jaxsim.viz.scene import Scene
 
 
@@ -51,7 +51,7 @@ class Frames:
         """
         if min(width, height) < 1:
             raise ValueError(f"width and height must be positive, got {width} x {height}")
-        self.model = to_mujoco(model) if isinstance(model, Model) else copy.copy(model)
+        self.model = copy.copy(looks_of(model))
         self.scene = Scene(self.model, envs, camera, com)
         self._data = [mujoco.MjData(self.model) for _ in range(envs)]
         self._size = width, height

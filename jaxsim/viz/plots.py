@@ -4,13 +4,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import jax
+import mujoco
 import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsim.engine import forward
-from jaxsim.io import to_mujoco
 from jaxsim.model import Model, State
 from jaxsim.viz.batch import batched
+from jaxsim.viz.models import looks_of, physics_of
 from jaxsim.viz.picture import MOST_LINES, Picture
 from jaxsim.viz.touch import touches
 
@@ -52,7 +53,7 @@ def plot_trajectory(
     return picture
 
 
-def plot_energy(model: Model, trajectory: State, title: str = "") -> Picture:
+def plot_energy(model: Model | mujoco.MjModel, trajectory: State, title: str = "") -> Picture:
     """Draw potential, kinetic and total energy of a trajectory (J) against time.
 
     Args:
@@ -60,6 +61,7 @@ def plot_energy(model: Model, trajectory: State, title: str = "") -> Picture:
       trajectory: states of one environment, (T, ...).
       title: above the picture.
     """
+    model = physics_of(model)
     energy = jax.jit(lambda states: jax.lax.map(lambda s: forward(model, s).energy, states))
     potential, kinetic = np.asarray(energy(trajectory)).T
     picture, time = Picture(title=title), np.asarray(trajectory.time)
@@ -76,7 +78,7 @@ def plot_energy(model: Model, trajectory: State, title: str = "") -> Picture:
 
 
 def plot_contact_forces(
-    model: Model,
+    model: Model | mujoco.MjModel,
     trajectory: State,
     ctrls: Float[Array, "T nu"] | None = None,
     title: str = "",
@@ -93,10 +95,9 @@ def plot_contact_forces(
       Two panels, against time.
 
     Raises:
-      TypeError: the model is not a `Model`.
       ValueError: shapes do not fit together.
     """
-    source = to_mujoco(model) if isinstance(model, Model) else model
+    source = looks_of(model)
     batch = batched(source, trajectory, "trajectory")
     (found,) = touches(model, batch, ctrls, np.arange(batch.qpos.shape[1]))
     owner = np.repeat(np.arange(len(found.first) - 1), np.diff(found.first))

@@ -7,9 +7,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from jaxsim.io import to_mujoco
 from jaxsim.model import Model, State
 from jaxsim.viz.batch import batched
+from jaxsim.viz.models import looks_of
 
 # What a picture needs of a state.
 _FIELDS = ("qpos", "qvel", "time", "mocap_pos", "mocap_quat")
@@ -33,7 +33,7 @@ def save_trajectory(
     Raises:
       ValueError: shapes do not fit together.
     """
-    source = to_mujoco(model) if isinstance(model, Model) else model
+    source = looks_of(model)
     batched(source, trajectory, "trajectory")
     fields: dict[str, Any] = {name: np.asarray(getattr(trajectory, name)) for name in _FIELDS}
     with tempfile.TemporaryDirectory() as folder:
@@ -49,7 +49,8 @@ def load_trajectory(path: str | pathlib.Path) -> tuple[mujoco.MjModel, State]:
     """The model and the states of a file by `save_trajectory`.
 
     Returns:
-      MuJoCo's model, and states with what a picture needs; the rest of them is zero.
+      MuJoCo's model, which all of `jaxsim.viz` takes and `jaxsim.load` makes ours; and states with
+      what a picture needs, the rest of them zero.
 
     Raises:
       ValueError: the file is none of these, or was written with another version of MuJoCo.

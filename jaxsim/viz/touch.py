@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 
 from jaxsim.engine import forward
 from jaxsim.model import Model, State
+from jaxsim.viz.models import physics_of
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,11 +45,9 @@ def touches(
       kept: (n,) which times.
 
     Raises:
-      TypeError: the model is not a `Model`.
       ValueError: the controls have another shape.
     """
-    if not isinstance(model, Model):
-        raise TypeError("contacts=True needs a jaxsim Model, as its forces are jaxsim's")
+    model = physics_of(model)
     shape = (*batch.qpos.shape[:2], model.nu)
     given = np.zeros(shape) if ctrls is None else np.asarray(ctrls)
     given = given[None] if given.ndim == 2 else given

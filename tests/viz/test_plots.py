@@ -39,7 +39,9 @@ def test_energy_is_kept_until_the_floor(fall):
     assert picture._repr_png_()[1:4] == b"PNG"
 
 
-def test_contact_forces_end_at_the_weight(fall):
+def test_contact_forces_end_at_the_weight(fall, tmp_path):
+    """Also after the simulation was in a file, which has MuJoCo's model."""
+    fall = viz.load_trajectory(viz.save_trajectory(tmp_path / "fall", *fall))
     force, count = (axes.lines[0].get_ydata() for axes in viz.plot_contact_forces(*fall).axes)
     assert force[0] == count[0] == 0
     assert force[-1] == pytest.approx(2 * 9.81, rel=1e-2)

@@ -11,9 +11,10 @@ import numpy as np
 from jaxsim.viz.drawing import drawing
 from jaxsim.viz.live.pull import Pull
 from jaxsim.viz.live.solids import solid
+from jaxsim.viz.live.source import Parameters
 
 _NO_VISER = 'the page in the browser needs viser: pip install "jaxsim-physics[view]"'
-_SPEEDS = (0.1, 2.0)
+_SPEEDS, _MASSES = (0.1, 2.0), (0.1, 5.0)
 _LONGEST = 1.5  # radii
 
 
@@ -27,20 +28,18 @@ class Wishes:
       speed: simulated seconds per second.
       contacts: show contact forces.
       com: show the centre of mass.
-      gravity: along z (m/s^2).
-      friction: factor.
+      parameters: of the model.
       ctrl: controls.
       pull: the body that the mouse holds.
     """
 
-    gravity: float
+    parameters: Parameters
     ctrl: np.ndarray
     paused: bool = False
     reset: bool = False
     speed: float = 1.0
     contacts: bool = False
     com: bool = False
-    friction: float = 1.0
     pull: Pull | None = None
 
 
@@ -73,7 +72,7 @@ class Browser:
         mujoco.mj_forward(model, self._data)
         self._server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
         self.url = f"http://{host}:{self._server.get_port()}"
-        self.wishes = Wishes(float(model.opt.gravity[2]), np.zeros(model.nu))
+        self.wishes = Wishes(Parameters.of(model), np.zeros(model.nu))
         self._drawing = drawing(model, self._data)
         self._mass = np.zeros(model.nbody)
         self._mass[self._drawing.moving] = model.body_mass[self._drawing.moving]
@@ -176,15 +175,33 @@ class Browser:
         self._follow(gui.add_slider("speed", *_SPEEDS, 0.1, 1.0), "speed")
         self._follow(gui.add_checkbox("contact forces", False), "contacts")
         self._follow(gui.add_checkbox("centre of mass", False), "com")
-        with gui.add_folder("physics"):
-            low = min(-20.0, wishes.gravity)
-            self._follow(gui.add_slider("gravity", low, 5.0, 0.01, wishes.gravity), "gravity")
-            self._follow(gui.add_slider("friction x", 0.0, 3.0, 0.01, 1.0), "friction")
+        self._add_parameters()
         if steered and self._model.nu:
             with gui.add_folder("controls"):
                 for index in range(self._model.nu):
                     self._add_actuator(index)
         gui.add_markdown("Drag a body to pull it.")
+
+    def _add_parameters(self) -> None:
+        gui, gravity = self._server.gui, float(self.wishes.parameters.gravity)
+        with gui.add_folder("physics"):
+            self._set(gui.add_slider("gravity", min(-20.0, gravity), 5.0, 0.01, gravity), "gravity")
+            self._set(gui.add_slider("friction x", 0.0, 3.0, 0.01, 1.0), "friction")
+            self._set(gui.add_slider("damping x", 0.0, 10.0, 0.01, 1.0), "damping")
+        with gui.add_folder("masses", expand_by_default=False):
+            for body in np.nonzero(self._mass)[0].tolist():
+                name = self._model.body(body).name or f"body {body}"
+                self._set(gui.add_slider(f"{name} x", *_MASSES, 0.01, 1.0), "mass", body)
+
+    def _set(self, slider: Any, name: str, body: int | None = None) -> None:
+        """A parameter, or that of a body, that has the value of a slider."""
+
+        @slider.on_update
+        def _(_):
+            now, value = self.wishes.parameters, slider.value
+            if body is not None:
+                value = (*now.mass[:body], value, *now.mass[body + 1 :])
+            self.wishes.parameters = now.replace(**{name: value})
 
     def _add_actuator(self, index: int) -> None:
         limited = self._model.actuator_ctrllimited[index]

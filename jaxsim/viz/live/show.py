@@ -1,6 +1,8 @@
 """The loop of a live view: steps, pictures, wishes."""
 
+import importlib
 import time
+import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -10,10 +12,10 @@ import mujoco
 import numpy as np
 
 from jaxsim.io import to_mujoco
-from jaxsim.model import State
+from jaxsim.model import Model, State
 from jaxsim.viz.live.browser import Browser, Wishes
 from jaxsim.viz.live.clock import Clock
-from jaxsim.viz.live.source import Free, Inputs
+from jaxsim.viz.live.source import Free, Inputs, Parameters
 
 FRAME = 1 / 30  # s
 
@@ -69,13 +71,11 @@ def in_window(source: Free) -> None:
     """
     import mujoco.viewer
 
-    show, wishes = _Show(source), None
+    _check_display()
+    show = _Show(source)
     pressed: list[int] = []
-    try:
-        window = mujoco.viewer.launch_passive(show.drawn, show.data, key_callback=pressed.append)
-    except (mujoco.FatalError, RuntimeError) as error:
-        raise RuntimeError("MuJoCo's window needs a display; a browser does not") from error
-    wishes = Wishes(float(show.drawn.opt.gravity[2]), np.zeros(show.drawn.nu))
+    window = mujoco.viewer.launch_passive(show.drawn, show.data, key_callback=pressed.append)
+    wishes = Wishes(Parameters.of(show.drawn), np.zeros(show.drawn.nu))
     before = time.perf_counter()
     with window:
         while window.is_running():
@@ -90,6 +90,16 @@ def in_window(source: Free) -> None:
             time.sleep(max(0.0, FRAME - (time.perf_counter() - now)))
 
 
+def _check_display() -> None:
+    """Say what is missing; MuJoCo would end the process."""
+    glfw = importlib.import_module("glfw")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        if glfw.init():
+            return
+    raise RuntimeError("MuJoCo's window needs a display, and there is none; the browser does not")
+
+
 class _Show:
     """The state that is shown, and its data.
 
@@ -102,6 +112,7 @@ class _Show:
     def __init__(self, source: Free):
         self._source, self._inputs = source, Inputs.of(source.model)
         self.drawn = to_mujoco(source.model)
+        self._parameters: Parameters | None = None
         self.data = mujoco.MjData(self.drawn)
         self._state: Any = source.reset(0)
         self._clock, self._resets = Clock(source.dt, FRAME), 0
@@ -119,7 +130,7 @@ class _Show:
             self._resets, wishes.reset = self._resets + 1, False
             self._state = self._source.reset(self._resets)
         count = 0 if wishes.paused else self._clock.due(elapsed, wishes.speed)
-        self._inputs = self._asked(wishes, forces)
+        self._inputs = self._asked(wishes, forces).replace(model=self._changed(wishes.parameters))
         self._state = jax.block_until_ready(self._source.advance(self._state, self._inputs, count))
         self._pose()
 
@@ -144,9 +155,16 @@ class _Show:
         return self._inputs.replace(
             ctrl=jnp.asarray(wishes.ctrl, dtype),
             xfrc_applied=jnp.asarray(push, dtype),
-            gravity=model.opt.gravity.at[2].set(wishes.gravity),
-            friction=jnp.asarray(wishes.friction, dtype),
         )
+
+    def _changed(self, parameters: Parameters) -> Model:
+        """The model that is simulated; another one where the user has changed its numbers."""
+        if parameters == self._parameters:
+            return self._inputs.model
+        self._parameters = parameters
+        dtype = self._source.model.qpos0.dtype
+        numbers = {name: jnp.asarray(x, dtype) for name, x in vars(parameters).items()}
+        return self._source.changed(Parameters(**numbers))
 
     def _pose(self) -> None:
         state, data = self.state, self.data

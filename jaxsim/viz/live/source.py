@@ -4,41 +4,72 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import mujoco
 import numpy as np
 from flax import struct
 from jaxtyping import Array, Float
 
 from jaxsim.engine import forward, step
+from jaxsim.io import set_const
 from jaxsim.model import Model, State, make_state
 
 
 @struct.dataclass
-class Inputs:
-    """What a user changes while the simulation runs.
+class Parameters:
+    """What of a model a user changes while the simulation runs.
 
     Attributes:
-      ctrl: controls.
-      xfrc_applied: forces and torques on bodies, as in `State`.
-      gravity: in the world (m/s^2).
+      gravity: along z (m/s^2).
       friction: factor of all geoms' friction.
+      damping: factor of all joints' damping.
+      mass: factor of each body's mass and inertia.
     """
 
+    gravity: float | Float[Array, ""]
+    friction: float | Float[Array, ""]
+    damping: float | Float[Array, ""]
+    mass: tuple[float, ...] | Float[Array, "nbody"]
+
+    @classmethod
+    def of(cls, model: mujoco.MjModel) -> "Parameters":
+        """Those that change nothing."""
+        return cls(float(model.opt.gravity[2]), 1.0, 1.0, (1.0,) * model.nbody)
+
+    def changed(self, model: Model) -> Model:
+        """The model with these numbers, and all constants that follow from them."""
+        mass = jnp.asarray(self.mass)
+        return set_const(
+            model.replace(
+                opt=model.opt.replace(gravity=model.opt.gravity.at[2].set(self.gravity)),
+                geom_friction=self.friction * model.geom_friction,
+                dof_damping=self.damping * model.dof_damping,
+                body_mass=mass * model.body_mass,
+                body_inertia=mass[:, None] * model.body_inertia,
+            )
+        )
+
+
+@struct.dataclass
+class Inputs:
+    """What a step takes from the user, besides the state.
+
+    Its numbers are arguments of the compiled step, so that none of them compiles it again.
+
+    Attributes:
+      model: with the user's parameters.
+      ctrl: controls.
+      xfrc_applied: forces and torques on bodies, as in `State`.
+    """
+
+    model: Model
     ctrl: Float[Array, "nu"]
     xfrc_applied: Float[Array, "nbody 6"]
-    gravity: Float[Array, "3"]
-    friction: Float[Array, ""]
 
     @classmethod
     def of(cls, model: Model) -> "Inputs":
-        """Those of the model itself: no controls, no forces."""
+        """No controls, no forces."""
         dtype = model.qpos0.dtype
-        nothing = jnp.zeros(model.nu, dtype), jnp.zeros((model.nbody, 6), dtype)
-        return cls(*nothing, model.opt.gravity, jnp.ones((), dtype))
-
-    def changed(self, model: Model) -> Model:
-        """The model with this gravity and friction."""
-        option = model.opt.replace(gravity=self.gravity)
-        return model.replace(opt=option, geom_friction=self.friction * model.geom_friction)
+        return cls(model, jnp.zeros(model.nu, dtype), jnp.zeros((model.nbody, 6), dtype))
 
 
 class Free:
@@ -47,6 +78,8 @@ class Free:
     Attributes:
       model: of one environment.
       dt: time of one step (s).
+      changed: the model with other `Parameters`.
+      contacts: of a state, with `Inputs`.
       steered: whether the user's controls count.
     """
 
@@ -57,7 +90,8 @@ class Free:
         self.model, self.dt = model, float(model.opt.timestep)
         self._start = make_state(model, keyframe)
         self._steps = jax.jit(self._many)
-        self.contacts = jax.jit(lambda s, i: forward(i.changed(model), s, i.ctrl).contact)
+        self.changed = jax.jit(lambda parameters: parameters.changed(model))
+        self.contacts = jax.jit(lambda s, i: forward(i.model, s, i.ctrl).contact)
 
     def reset(self, seed: int) -> State:
         """The first state; the seed plays no role."""
@@ -72,9 +106,8 @@ class Free:
         return self._steps(state, inputs, count)
 
     def _many(self, state: State, inputs: Inputs, count) -> State:
-        model = inputs.changed(self.model)
         state = state.replace(xfrc_applied=inputs.xfrc_applied)
-        return jax.lax.fori_loop(0, count, lambda _, s: step(model, s, inputs.ctrl), state)
+        return jax.lax.fori_loop(0, count, lambda _, s: step(inputs.model, s, inputs.ctrl), state)
 
 
 class Played(Free):
@@ -114,5 +147,5 @@ class Played(Free):
 
     def _acted(self, state: Any, policy: Any, inputs: Inputs) -> Any:
         physics = state.state.replace(xfrc_applied=inputs.xfrc_applied)
-        env = self.env.with_model(inputs.changed(self.model))
+        env = self.env.with_model(inputs.model)
         return env.step(state.replace(state=physics), policy(state.obs))

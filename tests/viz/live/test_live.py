@@ -1,5 +1,6 @@
 """Live views: time, forces by the mouse, and what a page shows."""
 
+import sys
 import threading
 
 import jax.numpy as jnp
@@ -9,7 +10,7 @@ import pytest
 
 import jaxsim
 from jaxsim import envs
-from jaxsim.viz.live import Free, Inputs, Played, in_browser
+from jaxsim.viz.live import Free, Inputs, Parameters, Played, in_browser, in_window
 from jaxsim.viz.live.browser import Browser, Wishes
 from jaxsim.viz.live.clock import Clock
 from jaxsim.viz.live.pull import Pull
@@ -21,7 +22,7 @@ BALL = """
   <option timestep="0.01"/>
   <worldbody>
     <body name="ball" pos="0 0 1">
-      <joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>
+      <joint type="slide" axis="1 0 0" damping="1"/><joint type="slide" axis="0 0 1"/>
       <geom size=".1" mass="2" contype="0"/>
     </body>
   </worldbody>
@@ -40,7 +41,7 @@ def test_time_keeps_pace_and_what_is_missed_is_dropped():
 def test_a_pulled_ball_comes_to_the_pointer():
     """Spring and damper hold it where gravity and spring balance: g / k below the pointer."""
     show = _Show(Free(jaxsim.load(BALL)))
-    wishes = Wishes(gravity=-9.81, ctrl=np.zeros(0))
+    wishes = Wishes(Parameters.of(show.drawn), ctrl=np.zeros(0))
     target = np.array([0.3, 0.0, 1.5])
     for _ in range(300):
         wishes.pull = Pull(1, np.array(show.data.xpos[1]), target)
@@ -53,11 +54,17 @@ def test_a_pulled_ball_comes_to_the_pointer():
     wishes.reset, wishes.pull = True, None
     show.advance(wishes, 0.02)
     np.testing.assert_allclose(show.data.xpos[1], [0, 0, 1], atol=1e-6)
-    wishes.paused, wishes.gravity = False, 0.0
+    wishes.paused, wishes.parameters = False, wishes.parameters.replace(gravity=0.0)
     for _ in range(10):
         show.advance(wishes, 0.02)
     np.testing.assert_allclose(show.data.xpos[1], [0, 0, 1], atol=1e-6)
     assert show.contacts(wishes).shape == (0, 6)
+    # Half the mass and three times the damping: v' = v / (1 + h d / m), with h = 0.01 s.
+    wishes.parameters = wishes.parameters.replace(mass=(1.0, 0.5), damping=3.0)
+    show._state = show.state.replace(qvel=jnp.array([1.0, 0.0]))
+    show.advance(wishes, 0.02)
+    np.testing.assert_allclose(show.state.qvel[0], (1 + 0.01 * 3 / 1) ** -2, rtol=1e-5)
+    assert show._source._steps._cache_size() == 1  # not compiled again
 
 
 def test_a_pull_off_the_middle_turns_the_body():
@@ -109,6 +116,14 @@ def test_a_page_is_served():
 
     in_browser(Free(jaxsim.load(BALL)), port=8765, ready=ready, until=ended.is_set)
     assert b"html" in seen[0]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere there is always a display")
+def test_a_window_without_a_display_is_refused(monkeypatch):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(RuntimeError, match="needs a display"):
+        in_window(Free(jaxsim.load(BALL)))
 
 
 def test_what_to_install_is_named(monkeypatch):
