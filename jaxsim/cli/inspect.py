@@ -9,7 +9,7 @@ import numpy as np
 
 import jaxsim
 from jaxsim.cli import UsageError
-from jaxsim.cli.report import listing, note, report
+from jaxsim.cli.report import listing, note, report, working
 from jaxsim.cli.simulate import compiled_chunk, initial_states, prepare_cpu
 from jaxsim.collision import Candidates, model_candidates
 from jaxsim.io.loading import compile_mujoco
@@ -33,7 +33,11 @@ def run(arguments: argparse.Namespace) -> int:
             note(f"- {problem}")
         return 1
     rows["load time"] = f"{time.perf_counter() - start:.1f} s"
-    report(rows | _sizes(model) | (_speeds(mj, model, arguments) if arguments.speed else {}))
+    rows |= _sizes(model)
+    if arguments.speed:
+        with working("compiling, and simulating"):
+            rows |= _speeds(mj, model, arguments)
+    report(rows)
     candidates = model_candidates(model)
     if candidates.groups:
         listing("geom pairs", ("candidates", "evaluated", "contacts"), "", _pairs(candidates))

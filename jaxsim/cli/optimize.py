@@ -7,7 +7,7 @@ import time
 import jax
 
 from jaxsim.cli import UsageError
-from jaxsim.cli.report import listing, note, report
+from jaxsim.cli.report import listing, note, report, working
 from jaxsim.cli.simulate import prepare_cpu
 from jaxsim.trajopt import Plan, PlanStatus, Problem, solve
 from jaxsim.trajopt.tasks import TASKS, Task, model_of
@@ -48,6 +48,7 @@ def _rows(name: str, task: Task, plan: Plan, distance: float, seconds: float) ->
 def _film(arguments: argparse.Namespace, problem: Problem, plan: Plan) -> str:
     path = arguments.out or pathlib.Path(f"{arguments.task}.mp4")
     try:
-        return f"film: {film(model_of(problem), plan.states, path)}"
+        with working("drawing the motion"):
+            return f"film: {film(model_of(problem), plan.states, path)}"
     except (RuntimeError, ValueError) as error:
         return f"no film: {error}"

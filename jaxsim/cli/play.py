@@ -7,13 +7,15 @@ import jax
 from jaxsim import rl
 from jaxsim.cli import UsageError
 from jaxsim.cli.episode import save_video
-from jaxsim.cli.report import note, report
+from jaxsim.cli.report import note, report, working
+from jaxsim.cli.simulate import prepare_cpu
 from jaxsim.rl import checkpoint, driver
 from jaxsim.rl.runs import directory
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Evaluate, draw, report; returns the exit status."""
+    prepare_cpu()
     try:
         settings = directory.read_run(arguments.checkpoint)
         env = driver.run_env(settings, arguments.env, arguments.algorithm)
@@ -22,8 +24,9 @@ def run(arguments: argparse.Namespace) -> int:
         raise UsageError(error) from error
     keys = jax.random.split(jax.random.key(arguments.seed), arguments.episodes)
     limit = env.episode_limit or settings["settings"].get("evaluation_steps")
-    result = jax.jit(lambda policy, keys: rl.evaluate(env, policy, keys, limit))(policy, keys)
-    numbers = result.metrics()
+    with working(f"compiling, and playing {arguments.episodes:,} episodes"):
+        evaluate = jax.jit(lambda policy, keys: rl.evaluate(env, policy, keys, limit))
+        numbers = (result := evaluate(policy, keys)).metrics()
     report(
         {
             "environment": f"{settings['env']}, trained by {settings['algorithm']}",

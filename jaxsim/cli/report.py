@@ -1,6 +1,7 @@
 """Output of commands to the terminal: reports on standard output, notes on standard error."""
 
-from collections.abc import Iterable, Mapping
+import contextlib
+from collections.abc import Iterable, Iterator, Mapping
 
 import rich
 import rich.console
@@ -28,6 +29,18 @@ def listing(name: str, sizes: Iterable[str], about: str, rows: Iterable[Iterable
     for row in rows:
         table.add_row(*(rich.text.Text(str(cell)) for cell in row))
     rich.print(table)
+
+
+@contextlib.contextmanager
+def working(text: str) -> Iterator[None]:
+    """Say what goes on while it does: with a moving sign on a terminal, or else once."""
+    console = rich.console.Console(stderr=True, soft_wrap=True)
+    if not console.is_terminal:
+        note(text)
+        yield
+        return
+    with console.status(rich.text.Text(text)):
+        yield
 
 
 def note(text: str) -> None:

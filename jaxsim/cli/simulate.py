@@ -14,7 +14,7 @@ from jax.sharding import Mesh
 
 import jaxsim
 from jaxsim.cli import UsageError
-from jaxsim.cli.report import note, report
+from jaxsim.cli.report import note, report, working
 from jaxsim.parallel.chunks import even_lanes, map_chunks
 from jaxsim.parallel.devices import EVERYWHERE, SPLIT, dividing_mesh, parallel, shardings
 
@@ -54,7 +54,8 @@ def simulate(model: jaxsim.Model, state: jaxsim.State, arguments: argparse.Names
     advance = compiled_chunk(model, arguments.ctrl, mesh)
     states, keys = initial_states(state, arguments.envs, arguments.seed, mesh)
     start = time.perf_counter()
-    states, keys, _ = jax.block_until_ready(advance(states, keys, 0))
+    with working("compiling"):
+        states, keys, _ = jax.block_until_ready(advance(states, keys, 0))
     compile_time = time.perf_counter() - start
 
     done, diverged, first_bad_step = 0, 0, None

@@ -5,6 +5,7 @@ from flax import struct
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxsim.arrays.precision import full_precision
+from jaxsim.arrays.whole import as_a_whole
 from jaxsim.constraint import Constrained, constrained_at
 from jaxsim.dynamics.aba import solve_mass
 from jaxsim.dynamics.crba import composite_mass_matrix
@@ -93,7 +94,11 @@ def forward(model: Model, state: State, ctrl: Float[Array, "nu"] | None = None) 
       TypeError: an argument, or the numbers in an array, are of the wrong type.
       ValueError: an array has the wrong shape.
     """
-    model, state, ctrl = admit(model, state, ctrl)
+    return _forward(*admit(model, state, ctrl))
+
+
+@as_a_whole
+def _forward(model: Model, state: State, ctrl: Float[Array, "nu"] | None) -> Forward:
     return report(evaluate(model, state, ctrl), state)
 
 

@@ -14,6 +14,7 @@ from jaxtyping import Array, Float
 from jaxsim.arrays.checkpoint import checkpoint
 from jaxsim.arrays.memo import is_traced
 from jaxsim.arrays.precision import full_precision
+from jaxsim.arrays.whole import as_a_whole
 from jaxsim.collision import Contact, detect, model_candidates
 from jaxsim.constraint import constrained_acceleration, with_entry_times
 from jaxsim.dynamics.motion import Motion, motion_of
@@ -81,6 +82,7 @@ def whole_step(model: Model, state: State, ctrl: Float[Array, "nu"] | None = Non
     return advance(state, ctrl)
 
 
+@as_a_whole
 def _step(model: Model, state: State, ctrl: Float[Array, "nu"] | None) -> Step:
     integrate = INTEGRATORS[model.opt.integrator]
     found = integrate(model, state, lambda state: _evaluate_for_step(model, state, ctrl))

@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 from jaxsim.arrays.indexing import take
 from jaxsim.arrays.precision import full_precision
+from jaxsim.arrays.whole import as_a_whole
 from jaxsim.dynamics.aba import solve_mass
 from jaxsim.dynamics.crba import tree_mass_matrix
 from jaxsim.dynamics.jacobian import body_jacobians
@@ -47,6 +48,11 @@ def set_const(model: Model) -> Model:
       ValueError: an array has the wrong shape.
     """
     model = admit_model(model)
+    return _with_constants(model)
+
+
+@as_a_whole
+def _with_constants(model: Model) -> Model:
     kin = kinematics(model, model.qpos0)
     mass = tree_mass_matrix(model, kin)
     inverse = jax.vmap(lambda force: solve_mass(model, kin, force))

@@ -15,6 +15,7 @@ from jaxsim.model.backward import EXACT, Backward
 from jaxsim.model.names import Names
 from jaxsim.model.presence import NOTHING, OPTIONAL_FORCES, Presence, extended
 from jaxsim.model.structure import Structure
+from jaxsim.model.summary import summary
 
 
 @struct.dataclass
@@ -190,6 +191,10 @@ class Model:
     max_contacts: int | tuple[int, ...] | None = struct.field(pytree_node=False, default=None)
     max_geom_pairs: int | tuple[int, ...] | None = struct.field(pytree_node=False, default=None)
     present: Presence = struct.field(pytree_node=False, default=NOTHING)
+
+    def __repr__(self) -> str:
+        """Sizes, names and options, in about ten lines."""
+        return summary(self)
 
     def nonzero_rows(self, leaf: str) -> tuple[int, ...]:
         """Rows of a leaf in `presence.OPTIONAL_FORCES` that may be nonzero."""

@@ -1,5 +1,7 @@
 """Checkpoints of a whole training, from which it continues bit by bit as without interruption."""
 
+import contextlib
+import logging
 import pathlib
 import warnings
 from typing import Any
@@ -41,7 +43,8 @@ class Checkpoints:
             read_only=read_only,
             enable_async_checkpointing=False,
         )
-        self._manager = ocp.CheckpointManager(self._folder, options=options)
+        with _quiet():
+            self._manager = ocp.CheckpointManager(self._folder, options=options)
 
     def save(self, steps: int, training: Any, policy: Any, progress: dict[str, Any]) -> None:
         """Write a checkpoint; all processes must call it.
@@ -128,6 +131,18 @@ class Checkpoints:
 
     def _item(self, step: int, name: str, args: Any) -> Any:
         return self._manager.restore(step, args=ocp.args.Composite(**{name: args}))[name]
+
+
+@contextlib.contextmanager
+def _quiet():
+    """Orbax warns of what was asked for: that nothing is written to a directory only to be read."""
+    logger = logging.getLogger("absl")
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
 
 
 def _shapes(leaves: dict[str, Any]) -> dict[str, list[int]]:
