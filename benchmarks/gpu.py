@@ -25,7 +25,7 @@ import time
 import common
 
 WORKER = pathlib.Path(__file__).parent / "gpu_worker.py"
-ENGINES = ("lanes last", "MJX", "mujoco_warp", "lanes first")
+ENGINES = ("kernel", "lanes last", "MJX", "mujoco_warp", "lanes first")
 COLUMNS = ("kind", "model", "engine", "batch", "note", "steps/s", "spread %", "qacc error")
 COLUMNS += ("gradient error", "return", "compile s", "temporary kB", "memory MB", "why")
 SCALE = ["envs=4096", "unroll=16", "minibatches=16", "passes=4", "total_steps=6_000_000"]
@@ -63,12 +63,13 @@ def _rows(options) -> list[dict]:
     rates = []
     for batch in (8192, 32768):
         for model in models:
-            rates += [_rate(options, model, e, batch) for e in ENGINES[:3]]
+            rates += [_rate(options, model, e, batch) for e in ENGINES[:4]]
             rates.append(_rate(options, model, "lanes last", batch, host_loops=True))
-    rates += [_rate(options, "humanoid", e, 8192, iterations=1) for e in ENGINES[:3]]
+    rates += [_rate(options, "humanoid", e, 8192, iterations=1) for e in ENGINES[:4]]
     rates += [_rate(options, m, "lanes first", 8192) for m in models]
-    rates.append(_rate(options, "gymnasium_humanoid", "lanes last", 8192))
-    rates.append(_rate(options, "humanoid", "lanes last", 131072))
+    for engine in ENGINES[:2]:
+        rates.append(_rate(options, "gymnasium_humanoid", engine, 8192))
+        rates.append(_rate(options, "humanoid", engine, 131072))
     gradients = [
         _row("gradient", "humanoid", e, 4096, repetitions=3) for e in ("lanes last", "MJX")
     ]
@@ -86,7 +87,9 @@ def _tiny_rows(options) -> list[dict]:
     tiny = ["envs=8", "unroll=4", "minibatches=2", "passes=1", "total_steps=256", "evaluations=1"]
     tiny += ["evaluation_episodes=2", "policy.hidden=[4]", "value.hidden=[4]"]
     return [
+        _row("check", "double_pendulum", "kernel"),
         _row("check", "double_pendulum", "lanes last"),
+        _rate(options, "double_pendulum", "kernel", 8),
         _rate(options, "double_pendulum", "lanes last", 8),
         _rate(options, "double_pendulum", "mujoco_warp", 8),
         _row("gradient", "double_pendulum", "lanes last", 4, repetitions=1),

@@ -23,6 +23,7 @@ def main() -> None:
     parser.add_argument("row", type=json.loads, help="a row of gpu.py as JSON")
     parser.add_argument("--prepare", action="store_true", help="compile only")
     options = parser.parse_args()
+    _set_kernels(options.row)
     measure = {"rate": rate, "check": check, "gradient": gradient, "train": train}
     with contextlib.suppress(ImportError):
         import warp
@@ -30,6 +31,15 @@ def main() -> None:
         warp.config.quiet = True
     found = measure[options.row["kind"]](options.row, options.prepare)
     print(json.dumps(found, default=float))
+
+
+def _set_kernels(row: dict) -> None:
+    """One kernel for a step, or XLA's program."""
+    if row["kind"] == "train":
+        return
+    from jaxsim.lanes.switch import enable_lanes
+
+    enable_lanes(row["engine"] == "kernel")
 
 
 def rate(row: dict, prepare: bool) -> dict:
@@ -57,13 +67,14 @@ def check(row: dict, prepare: bool) -> dict:
     import jax.numpy as jnp
 
     import jaxsim
+    from jaxsim.lanes import as_kernel
 
     if row["engine"] == "mujoco_warp":
         return {} if prepare else _warp_check(_model(row))
     mj = _model(row)
     states = models.visited(mj, STATES)
     model = jaxsim.load(mj)
-    mapped = {"lanes last": jaxsim.vmap, "lanes first": jax.vmap}
+    mapped = {"kernel": jax.vmap, "lanes last": jaxsim.vmap, "lanes first": jax.vmap}
     if row["engine"] == "MJX":
         from mujoco import mjx
 
@@ -77,7 +88,9 @@ def check(row: dict, prepare: bool) -> dict:
         args = tuple(jnp.asarray(x, jnp.float32) for x in inputs)
         program = jax.jit(jax.vmap(at)).lower(*args).compile()
     else:
-        f = mapped[row["engine"]](lambda s, u: jaxsim.forward(model, s, u).qacc)
+        f = lambda s, u: jaxsim.forward(model, s, u).qacc  # noqa: E731
+        f = as_kernel(f) if row["engine"] == "kernel" else f
+        f = mapped[row["engine"]](f)
         args = states.batch(model, STATES)
         program = jax.jit(f).lower(*args).compile()
     if prepare:
@@ -138,7 +151,7 @@ def _batch(mj, row: dict, loss: bool = False):
         advance = lambda s, u: jaxsim.step(model, s, u)  # noqa: E731
         advance = jaxsim.checkpoint(advance) if loss else advance
         run = lambda s, u: jax.lax.scan(lambda s, u: (advance(s, u), None), s, u)[0]  # noqa: E731
-        vmap = jaxsim.vmap if row["engine"] == "lanes last" else jax.vmap
+        vmap = jax.vmap if row["engine"] == "lanes first" else jaxsim.vmap
     if loss:
         return vmap(lambda s, u: jnp.sum(jnp.square(run(s, u).qpos))), (state, ctrls)
     return vmap(run), (state, ctrls)

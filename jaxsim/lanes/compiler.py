@@ -12,17 +12,20 @@ import numpy as np
 from jaxsim.batching import forms
 from jaxsim.lanes import rules, translate  # noqa: F401
 from jaxsim.lanes.code import cache
-from jaxsim.lanes.code.emit import Emitter
+from jaxsim.lanes.code.emit import Emitter, Pointers
 from jaxsim.lanes.code.handler import handler, version
 from jaxsim.lanes.code.machine import Loaded, lanes_of, llvm_version, object_code, processor
 from jaxsim.lanes.code.schedule import Schedule
+from jaxsim.lanes.gpu import driver
+from jaxsim.lanes.gpu.launcher import launcher
+from jaxsim.lanes.gpu.ptx import POINTERS, ptx
 from jaxsim.lanes.identity import digest
 from jaxsim.lanes.program.builder import Builder
 from jaxsim.lanes.program.graph import INPUT
 from jaxsim.lanes.program.types import DTYPES, code
 
-# Width and code by name. What XLA knows by its address must stay until the process ends.
-_REGISTERED: dict[str, tuple[int, Loaded]] = {}
+# Kernels by name, with their code: what XLA knows by its address must stay until the process ends.
+_REGISTERED: dict[str, tuple["Kernel", tuple]] = {}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,7 +34,7 @@ class Kernel:
 
     Attributes:
       name: under which it is registered.
-      width: lanes of a group; a batch has at least as many.
+      width: lanes of a group; a batch has at least as many. One on a GPU.
     """
 
     name: str
@@ -40,7 +43,7 @@ class Kernel:
 
 @functools.lru_cache(maxsize=64)
 def kernel(program, batched: tuple[bool, ...], single: bool = False) -> Kernel:
-    """Compile a program of one lane.
+    """Compile a program of one lane for this machine's CPU.
 
     Args:
       program: a closed jaxpr.
@@ -51,29 +54,58 @@ def kernel(program, batched: tuple[bool, ...], single: bool = False) -> Kernel:
       NotImplementedError: the program has something that this compiler does not know, or this JAX
         has another interface.
     """
-    if version() is None:
-        raise NotImplementedError(f"the interface of XLA's custom calls in jax {jax.__version__}")
-    key = _key(program, batched, single)
-    name = f"jaxsim_lanes_{key}"
-    if name not in _REGISTERED:
+    key = _key(program, batched, single, processor())
+    if key not in _REGISTERED:
         stored = cache.load(key)
         if stored is None:
             text, width = source(program, batched, single)
             stored = width.to_bytes(1) + object_code(text)
             cache.save(key, stored)
-        _REGISTERED[name] = stored[0], Loaded(stored[1:])
-        capsule = ctypes.pythonapi.PyCapsule_New
-        capsule.restype = ctypes.py_object
-        capsule.argtypes = [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p]
-        address = _REGISTERED[name][1].address("handler")
-        target = capsule(address, b"xla._CUSTOM_CALL_TARGET", None)
-        jax.ffi.register_ffi_target(name, target, platform="cpu")
-    return Kernel(name, _REGISTERED[name][0])
+        _register(key, stored[0], "cpu", Loaded(stored[1:]))
+    return _REGISTERED[key][0]
 
 
-def _key(program, batched: tuple[bool, ...], single: bool) -> str:
+@functools.lru_cache(maxsize=64)
+def gpu_kernel(program, batched: tuple[bool, ...], capability: int) -> Kernel:
+    """Compile a program of one lane for GPUs of CUDA, a thread for each lane.
+
+    Args:
+      program: a closed jaxpr.
+      batched: which operands each lane has of its own.
+      capability: of the devices, 90 for 9.0.
+
+    Raises:
+      NotImplementedError: as `kernel`, or there is no driver or no libdevice.
+    """
+    key = _key(program, batched, "gpu", capability)
+    if key not in _REGISTERED:
+        count = len(program.in_avals), len(program.out_avals)
+        stored = cache.load(key)
+        if stored is None:
+            stored = ptx(_emitter(program, batched, 1, POINTERS), sum(count), capability).encode()
+            cache.save(key, stored)
+        device = driver.Loaded(stored.decode())
+        host = object_code(launcher(*count, device.address, device.launch))
+        _register(key, 1, "CUDA", Loaded(host), device)
+    return _REGISTERED[key][0]
+
+
+def _register(key: str, width: int, platform: str, *loaded) -> None:
+    """Tell XLA the address of the handler, which is in the first of the codes."""
+    made = Kernel(f"jaxsim_lanes_{key}", width)
+    capsule = ctypes.pythonapi.PyCapsule_New
+    capsule.restype = ctypes.py_object
+    capsule.argtypes = [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p]
+    target = capsule(loaded[0].address("handler"), b"xla._CUSTOM_CALL_TARGET", None)
+    jax.ffi.register_ffi_target(made.name, target, platform=platform)
+    _REGISTERED[key] = made, loaded
+
+
+def _key(program, batched: tuple[bool, ...], *target) -> str:
     """What machine code depends on: program, compiler, processor."""
-    parts = digest(program), batched, single, _sources(), processor(), llvm_version(), version()
+    if version() is None:
+        raise NotImplementedError(f"the interface of XLA's custom calls in jax {jax.__version__}")
+    parts = digest(program), batched, target, _sources(), llvm_version(), version()
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:32]
 
 
@@ -85,7 +117,15 @@ def _sources() -> str:
 
 
 def source(program, batched: tuple[bool, ...], single: bool = False) -> tuple[str, int]:
-    """LLVM's text of a program, and how many lanes its groups have."""
+    """LLVM's text of a program for a CPU, and how many lanes its groups have."""
+    emitter = _emitter(program, batched, 1 if single else None)
+    count = len(program.in_avals), len(program.out_avals)
+    text = emitter.module(), handler(*count, emitter.width, emitter.frame_bytes)
+    return "\n".join(text), emitter.width
+
+
+def _emitter(program, batched, width: int | None, pointers: Pointers = Pointers()) -> Emitter:
+    """A program in the compiler's own terms and in order; None for as many lanes as a vector."""
     graph, kinds, values = Builder(), [], []
     for k, (aval, own) in enumerate(zip(program.in_avals, batched, strict=True)):
         kind = code(aval.dtype)
@@ -95,11 +135,8 @@ def source(program, batched: tuple[bool, ...], single: bool = False) -> tuple[st
     results = translate.evaluate(graph, forms.program(program), values)
     outputs = np.concatenate([np.zeros(0, np.int32), *[x.reshape(-1) for x in results]])
     schedule = Schedule(graph, outputs.astype(np.int32))
-    width = 1 if single else lanes_of(_largest(graph, schedule.live))
-    emitter = Emitter(schedule, kinds, results, width)
-    text = emitter.module()
-    parts = text, handler(len(kinds), len(results), width, emitter.frame_bytes)
-    return "\n".join(parts), width
+    width = width or lanes_of(_largest(graph, schedule.live))
+    return Emitter(schedule, kinds, results, width, pointers)
 
 
 def _largest(graph: Builder, live: np.ndarray) -> int:

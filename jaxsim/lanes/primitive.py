@@ -1,4 +1,4 @@
-"""A traced function as one equation, which becomes one kernel for all lanes of a batch on a CPU.
+"""A traced function as one equation, which becomes one kernel for all lanes of a batch.
 
 The equation carries its program, as a call of a jitted function does. Derivatives are those of the
 program, whose equations then stand in its place; on other platforms, and where the compiler does
@@ -21,7 +21,7 @@ from jaxsim.batching.primitives.jvp_rule import moving_leaves
 
 
 def as_kernel(f: Callable) -> Callable:
-    """The same function, compiled for a CPU as one kernel where it is mapped over a batch.
+    """The same function, compiled as one kernel where it is mapped over a batch.
 
     It means what `f` means, under `jit`, `vmap` and derivatives. It pays for functions of some
     hundred operations and more; the machine code stays until the process ends. Where its program is
@@ -104,29 +104,49 @@ def _rule(lanes, eqn, values, flags):
     return lane_batch_p.bind(*values, program=program, flags=tuple(flags), size=lanes.size)
 
 
-def _alone_on_cpu(*xs, program):
-    """One lane, as a kernel of scalars."""
-    made = _kernel_or_none(program, (True,) * len(xs), single=True)
+def _alone(*xs, program, made_for: Callable):
+    """One lane."""
+    made = _or_none(made_for, program, (True,) * len(xs))
     if made is None:
         return _evaluate(*xs, program=program)
     shapes = [jax.ShapeDtypeStruct((*a.shape, 1), a.dtype) for a in program.out_avals]
     return [x[..., 0] for x in jax.ffi.ffi_call(made.name, shapes)(*[x[..., None] for x in xs])]
 
 
-def _kernel_or_none(program, flags: tuple[bool, ...], single: bool = False):
-    """The kernel, or None with a warning where the compiler does not know something."""
+def _scalar_kernel(program, flags: tuple[bool, ...]):
     from jaxsim.lanes.compiler import kernel
 
+    return kernel(program, flags, single=True)
+
+
+def _vector_kernel(program, flags: tuple[bool, ...]):
+    from jaxsim.lanes.compiler import kernel
+
+    return kernel(program, flags)
+
+
+def _thread_kernel(program, flags: tuple[bool, ...]):
+    from jaxsim.lanes.compiler import gpu_kernel
+
     try:
-        return kernel(program, flags, single)
+        capability = float(jax.devices("cuda")[0].compute_capability)
+    except RuntimeError:
+        raise NotImplementedError("a GPU that is not here") from None
+    return gpu_kernel(program, flags, round(10 * capability))
+
+
+def _or_none(make: Callable, *args):
+    """A kernel, or None with a warning where the compiler does not know something."""
+    try:
+        return make(*args)
     except (NotImplementedError, ImportError) as reason:
         _warn(str(reason))
         return None
 
 
-def _lowering(by_kernel: Callable, by_xla: Callable):
+def _lowering(by_kernel: Callable, made_for: Callable, by_xla: Callable):
     """A lowering to a kernel; programs to be exported, which another process runs, are XLA's."""
-    here = mlir.lower_fun(by_kernel, multiple_results=True)
+    here = mlir.lower_fun(functools.partial(by_kernel, made_for=made_for), multiple_results=True)
     anywhere = mlir.lower_fun(by_xla, multiple_results=True)
 
     def lower(ctx, *args, **params):
@@ -150,7 +170,8 @@ lane_call_p.def_abstract_eval(_types)
 ad.primitive_jvps[lane_call_p] = _jvp
 batching.primitive_batchers[lane_call_p] = _batch
 mlir.register_lowering(lane_call_p, mlir.lower_fun(_evaluate, multiple_results=True))
-mlir.register_lowering(lane_call_p, _lowering(_alone_on_cpu, _evaluate), platform="cpu")
+mlir.register_lowering(lane_call_p, _lowering(_alone, _scalar_kernel, _evaluate), platform="cpu")
+mlir.register_lowering(lane_call_p, _lowering(_alone, _thread_kernel, _evaluate), platform="cuda")
 registry.register("lane_call", rule=_rule)
 
 
@@ -166,9 +187,9 @@ def _by_xla(*xs, program, flags, size):
     return lanes.evaluate_full(forms.program(program), list(xs), list(flags))
 
 
-def _on_cpu(*xs, program, flags, size):
+def _by_kernel(*xs, program, flags, size, made_for: Callable):
     """All lanes as one kernel; a batch shorter than a group is filled up with its last lane."""
-    made = _kernel_or_none(program, flags)
+    made = _or_none(made_for, program, flags)
     if made is None:
         return _by_xla(*xs, program=program, flags=flags, size=size)
     rows = max(made.width, size)
@@ -209,4 +230,6 @@ lane_batch_p.def_abstract_eval(_batch_types)
 ad.primitive_jvps[lane_batch_p] = _batch_jvp
 batching.primitive_batchers[lane_batch_p] = _more_lanes
 mlir.register_lowering(lane_batch_p, mlir.lower_fun(_by_xla, multiple_results=True))
-mlir.register_lowering(lane_batch_p, _lowering(_on_cpu, _by_xla), platform="cpu")
+for platform, made_for in {"cpu": _vector_kernel, "cuda": _thread_kernel}.items():
+    rule = _lowering(_by_kernel, made_for, _by_xla)
+    mlir.register_lowering(lane_batch_p, rule, platform=platform)

@@ -1,14 +1,31 @@
 """Whether time steps become kernels: one setting for the process."""
 
-_enabled = False
+import functools
+import importlib.util
+
+import jax
+
+_enabled: bool | None = None
 
 
 def enable_lanes(on: bool) -> None:
-    """Turn kernels on or off for programs that are traced from now on."""
+    """Turn kernels on or off for programs that are traced from now on.
+
+    Without it they are on where JAX runs on a GPU and the extra `lanes` is installed. On a CPU,
+    `jaxsim.configure_cpu` turns them on.
+    """
     global _enabled
     _enabled = on
 
 
 def lanes_enabled() -> bool:
     """Whether time steps become kernels."""
+    if _enabled is None:
+        return jax.default_backend() == "gpu" and lanes_installed()
     return _enabled
+
+
+@functools.cache
+def lanes_installed() -> bool:
+    """Whether the compiler that kernels need is installed."""
+    return importlib.util.find_spec("llvmlite") is not None

@@ -3,12 +3,11 @@
 They affect the whole process, so a library must not make them without being asked.
 """
 
-import importlib.util
 import os
 
 import jax
 
-from jaxsim.lanes.switch import enable_lanes
+from jaxsim.lanes.switch import enable_lanes, lanes_installed
 
 # Otherwise loops over a few dozen lanes are unrolled before they can be vectorised, and no option
 # of a single program prevents that.
@@ -34,7 +33,7 @@ def configure_cpu(cores: int | None = None, *, lanes: bool | None = None) -> Non
       ImportError: lanes are asked for, and llvmlite is not installed.
       RuntimeError: JAX was used before.
     """
-    installed = importlib.util.find_spec("llvmlite") is not None
+    installed = lanes_installed()
     if lanes and not installed:
         raise ImportError("configure_cpu(lanes=True) needs llvmlite: pip install llvmlite")
     cores = _available() if cores is None else cores

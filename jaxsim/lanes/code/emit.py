@@ -4,6 +4,8 @@ A piece gets the frame, the addresses of the arguments and results, the first la
 the number of lanes. The group's function calls the pieces, with loops and branches between them.
 """
 
+import dataclasses
+
 import numpy as np
 
 from jaxsim.lanes.code.instructions import Instructions
@@ -14,8 +16,22 @@ from jaxsim.lanes.program.liveness import operands
 from jaxsim.lanes.program.scalars import name_of
 from jaxsim.lanes.program.types import BOOL, DTYPES, INT32, literal, scalar_name
 
-SIGNATURE = "ptr noalias %m, ptr noalias %p, i64 %b, i64 %n"
-ARGUMENTS = "ptr %m, ptr %p, i64 %b, i64 %n"
+
+@dataclasses.dataclass(frozen=True)
+class Pointers:
+    """LLVM's types of addresses.
+
+    Attributes:
+      frame: of the frame and of the table of arguments and results.
+      array: of arguments and results.
+    """
+
+    frame: str = "ptr"
+    array: str = "ptr"
+
+    def arguments(self, attribute: str = "") -> str:
+        """Arguments of a group and of a piece."""
+        return f"{self.frame}{attribute} %m, {self.frame}{attribute} %p, i64 %b, i64 %n"
 
 
 class Emitter:
@@ -26,11 +42,12 @@ class Emitter:
       inputs: for each argument its type and whether each lane has its own.
       outputs: nodes of each result.
       width: lanes of a group.
+      pointers: types of addresses.
     """
 
-    def __init__(self, schedule: Schedule, inputs, outputs, width: int):
+    def __init__(self, schedule: Schedule, inputs, outputs, width: int, pointers=Pointers()):
         self.schedule, self.graph = schedule, schedule.graph
-        self.inputs, self.width = inputs, width
+        self.inputs, self.width, self.pointers = inputs, width, pointers
         self.code = Instructions(width)
         self.lines: list[str] = []
         self._tables: dict[int, str] = {}
@@ -50,7 +67,7 @@ class Emitter:
         """The whole program; `@group` runs it for `width` lanes."""
         for piece in self.schedule.pieces:
             self._piece(piece)
-        body = ["define internal void @group(ptr %m, ptr %p, i64 %b, i64 %n) {", "entry:"]
+        body = [f"define internal void @group({self.pointers.arguments()}) {{", "entry:"]
         self._items(self.schedule.items, body)
         body += ["  ret void", "}"]
         functions = library(self.code)
@@ -72,7 +89,8 @@ class Emitter:
         for item in items:
             if isinstance(item, Piece):
                 answer = f"%a{item.position}"
-                out.append(f"  {answer} = call i32 @piece{item.position}({ARGUMENTS})")
+                arguments = self.pointers.arguments()
+                out.append(f"  {answer} = call i32 @piece{item.position}({arguments})")
             elif isinstance(item, Repeat):
                 self._repeat(item, out)
             else:
@@ -102,8 +120,9 @@ class Emitter:
 
     def _piece(self, piece: Piece) -> None:
         body = _Body(self, piece)
+        signature = self.pointers.arguments(" noalias")
         self.lines += [
-            f"define internal i32 @piece{piece.position}({SIGNATURE}) noinline {{",
+            f"define internal i32 @piece{piece.position}({signature}) noinline {{",
             *body.lines(),
             "}",
         ]
@@ -134,6 +153,7 @@ class _Body:
         self.names: dict[int, str] = {}
         self.bases: dict[int, str] = {}
         self.slots = emitter.schedule.slots
+        self.frame, self.array = emitter.pointers.frame, emitter.pointers.array
 
     def lines(self) -> list[str]:
         """All of them."""
@@ -170,7 +190,7 @@ class _Body:
         return out
 
     def _slot(self, slot: int) -> str:
-        return self._emit(f"getelementptr i8, ptr %m, i64 {slot * self.e.slot_bytes}")
+        return self._emit(f"getelementptr i8, {self.frame} %m, i64 {slot * self.e.slot_bytes}")
 
     def _memory_type(self, kind: int) -> str:
         """Truth values are stored as whole integers."""
@@ -181,7 +201,7 @@ class _Body:
 
     def _load_vector(self, address: str, kind: int) -> str:
         memory = self._memory_type(kind)
-        value = self._emit(f"load {memory}, ptr {address}, align {self._align()}")
+        value = self._emit(f"load {memory}, {self.frame} {address}, align {self._align()}")
         return self._truth(value) if kind == BOOL else value
 
     def _truth(self, value: str) -> str:
@@ -195,21 +215,23 @@ class _Body:
         memory = self._memory_type(kind)
         if kind == BOOL:
             value = self._emit(f"sext {self.code.vector(BOOL)} {value} to {memory}")
-        self.out.append(f"  store {memory} {value}, ptr {self._slot(slot)}, align {self._align()}")
+        place = f"{self.frame} {self._slot(slot)}"
+        self.out.append(f"  store {memory} {value}, {place}, align {self._align()}")
 
     def _base(self, k: int) -> str:
         if k not in self.bases:
-            address = self._emit(f"getelementptr ptr, ptr %p, i64 {k}")
-            self.bases[k] = self._emit(f"load ptr, ptr {address}")
+            address = self._emit(f"getelementptr ptr, {self.frame} %p, i64 {k}")
+            self.bases[k] = self._emit(f"load {self.array}, {self.frame} {address}")
         return self.bases[k]
 
     def _address(self, k: int, element: int, size: int, batched: bool) -> str:
+        base = f"{self.array} {self._base(k)}"
         if not batched:
-            return self._emit(f"getelementptr i8, ptr {self._base(k)}, i64 {element * size}")
+            return self._emit(f"getelementptr i8, {base}, i64 {element * size}")
         row = self._emit(f"mul i64 %n, {element * size}")
         lane = self._emit(f"mul i64 %b, {size}")
         both = self._emit(f"add i64 {row}, {lane}")
-        return self._emit(f"getelementptr i8, ptr {self._base(k)}, i64 {both}")
+        return self._emit(f"getelementptr i8, {base}, i64 {both}")
 
     def _input(self, node: int) -> str:
         k, element = self.g.args[node, :2].tolist()
@@ -219,12 +241,12 @@ class _Body:
         scalar = "i8" if kind == BOOL else scalar_name(kind)
         if batched:
             vector = scalar if self.e.width == 1 else f"<{self.e.width} x {scalar}>"
-            value = self._emit(f"load {vector}, ptr {address}, align {size}")
+            value = self._emit(f"load {vector}, {self.array} {address}, align {size}")
             if kind == BOOL:
                 zero = "0" if self.e.width == 1 else "zeroinitializer"
                 value = self._emit(f"icmp ne {vector} {value}, {zero}")
             return value
-        value = self._emit(f"load {scalar}, ptr {address}, align {size}")
+        value = self._emit(f"load {scalar}, {self.array} {address}, align {size}")
         if kind == BOOL:
             value = self._emit(f"icmp ne i8 {value}, 0")
         out = self.code.fresh()
@@ -258,7 +280,8 @@ class _Body:
             if kind == BOOL:
                 vector = "i8" if self.e.width == 1 else f"<{self.e.width} x i8>"
                 value = self._emit(f"zext {self.code.vector(BOOL)} {value} to {vector}")
-            self.out.append(f"  store {vector} {value}, ptr {address}, align {size}")
+            place = f"{self.array} {address}"
+            self.out.append(f"  store {vector} {value}, {place}, align {size}")
 
     def _pack(self, node: int) -> None:
         g = self.g
@@ -278,19 +301,19 @@ class _Body:
         places = self._emit(f"add {integers} {self.name(index)}, {self.code.splat(offset, INT32)}")
         size = 4 if kind == BOOL else DTYPES[kind].itemsize
         if constant:
-            step, base = size, self.e.table(pack)
+            step, base = size, f"ptr {self.e.table(pack)}"
         else:
-            step, base = self.e.slot_bytes, self._slot(self.slots[pack])
+            step, base = self.e.slot_bytes, f"{self.frame} {self._slot(self.slots[pack])}"
         scaled = self._emit(f"mul {integers} {places}, {self.code.splat(step, INT32)}")
         if not constant and width > 1:
             lanes = ", ".join(f"i32 {i * size}" for i in range(width))
             scaled = self._emit(f"add {integers} {scaled}, <{lanes}>")
         memory = "i32" if kind == BOOL else scalar_name(kind)
         if width == 1:
-            address = self._emit(f"getelementptr i8, ptr {base}, i32 {scaled}")
-            value = self._emit(f"load {memory}, ptr {address}, align {size}")
+            address = self._emit(f"getelementptr i8, {base}, i32 {scaled}")
+            value = self._emit(f"load {memory}, {base.rsplit(' ', 1)[0]} {address}, align {size}")
             return self._truth(value) if kind == BOOL else value
-        pointers = self._emit(f"getelementptr i8, ptr {base}, {integers} {scaled}")
+        pointers = self._emit(f"getelementptr i8, {base}, {integers} {scaled}")
         vector = self._memory_type(kind)
         suffix = self.code.suffix(INT32 if kind == BOOL else kind)
         name = f"@llvm.masked.gather.{suffix}.v{width}p0"
@@ -311,8 +334,8 @@ class _Body:
         place = self._emit(f"add i32 {place}, {offset}")
         if not constant:
             byte = self._emit(f"mul i32 {place}, {self.e.slot_bytes}")
-            base = self._slot(self.slots[pack])
-            return self._load_vector(self._emit(f"getelementptr i8, ptr {base}, i32 {byte}"), kind)
+            base = f"{self.frame} {self._slot(self.slots[pack])}"
+            return self._load_vector(self._emit(f"getelementptr i8, {base}, i32 {byte}"), kind)
         scalar = "i32" if kind == BOOL else scalar_name(kind)
         address = self._emit(f"getelementptr {scalar}, ptr {self.e.table(pack)}, i32 {place}")
         value = self._emit(f"load {scalar}, ptr {address}")

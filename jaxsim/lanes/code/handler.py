@@ -1,4 +1,4 @@
-"""What XLA calls: a function of XLA's FFI, in LLVM's text, that runs all groups of lanes.
+"""What XLA calls: a function of XLA's FFI, in LLVM's text; on a CPU it runs all groups of lanes.
 
 The layout of the call frame is that of `c_api.h` in `jax.ffi.include_dir()`: a major and a minor
 version are written there, and only the major one may change what stands where.
@@ -13,7 +13,7 @@ import jax
 MAJOR = 0
 # Bytes from the start of structures.
 EXTENSION, ARGUMENTS, RESULTS = 8, 72, 112
-EXTENSION_TYPE, METADATA, VERSION = 8, 24, 24
+EXTENSION_TYPE, METADATA, VERSION, TRAITS = 8, 24, 24, 32
 BUFFER_DATA, BUFFER_RANK, BUFFER_DIMS = 24, 32, 40
 
 
@@ -31,14 +31,12 @@ def version() -> tuple[int, int] | None:
     return (major, minor) if major == MAJOR else None
 
 
-def handler(inputs: int, outputs: int, width: int, frame_bytes: int) -> str:
-    """Text of `@handler`, for a program with `@group`.
+def frame(inputs: int, outputs: int, memory: str = "", traits: int = 0) -> str:
+    """Text that begins a function `@handler(ptr %f)` of a call frame.
 
-    Args:
-      inputs: number of arguments.
-      outputs: number of results; the last axis of the first is that of the lanes.
-      width: lanes of a group; the last group ends with the last lane and may overlap another.
-      frame_bytes: memory that a group needs.
+    Asked for its metadata, the function answers with the version and its traits. Otherwise it goes
+    on with a table `%p` of the addresses of all arguments and results, and the number `%n` of
+    lanes, which is the last axis of the first result. `memory` are lines that reserve more memory.
     """
     minor = (version() or (0, 0))[1]
     addresses = []
@@ -56,8 +54,8 @@ def handler(inputs: int, outputs: int, width: int, frame_bytes: int) -> str:
         [
             f"""define ptr @handler(ptr %f) {{
 entry:
-  %m = alloca [{frame_bytes} x i8], align 64
   %p = alloca [{inputs + outputs} x ptr], align 8
+{memory}
   %ep = getelementptr i8, ptr %f, i64 {EXTENSION}
   %e = load ptr, ptr %ep
   %extended = icmp ne ptr %e, null
@@ -74,6 +72,8 @@ tell:
   store i32 {MAJOR}, ptr %major
   %minor = getelementptr i8, ptr %i, i64 {VERSION + 4}
   store i32 {minor}, ptr %minor
+  %traits = getelementptr i8, ptr %i, i64 {TRAITS}
+  store i32 {traits}, ptr %traits
   ret ptr null
 run:
   %ap = getelementptr i8, ptr %f, i64 {ARGUMENTS}
@@ -87,7 +87,21 @@ run:
   %dims = load ptr, ptr %dimsp
   %lastaxis = sub i64 %rank, 1
   %np = getelementptr i64, ptr %dims, i64 %lastaxis
-  %n = load i64, ptr %np
+  %n = load i64, ptr %np""",
+        ]
+    )
+
+
+def handler(inputs: int, outputs: int, width: int, frame_bytes: int) -> str:
+    """Text of `@handler`, for a program with `@group`, on a CPU.
+
+    Args:
+      inputs: number of arguments.
+      outputs: number of results.
+      width: lanes of a group; the last group ends with the last lane and may overlap another.
+      frame_bytes: memory that a group needs.
+    """
+    return f"""{frame(inputs, outputs, f"  %m = alloca [{frame_bytes} x i8], align 64")}
   %final = sub i64 %n, {width}
   br label %loop
 loop:
@@ -102,6 +116,4 @@ work:
   br label %loop
 done:
   ret ptr null
-}}""",
-        ]
-    )
+}}"""

@@ -62,6 +62,12 @@ def split(t, eqn, x):
     return np.split(x, np.cumsum(eqn.params["sizes"])[:-1], eqn.params["axis"])
 
 
+@rule("unstack")
+def unstack(t, eqn, x):
+    """Parts of an axis, without it."""
+    return list(np.moveaxis(x, eqn.params["axis"], 0))
+
+
 @rule("iota")
 def iota(t, eqn, *rest):
     """Numbers counted along an axis."""

@@ -1,0 +1,114 @@
+"""PTX of a program in LLVM's text: one thread for each lane.
+
+What a piece leaves for others lies in local memory, which the hardware interleaves: threads of a
+warp read and write neighbouring words. Functions of the C library are those of libdevice, which
+comes with JAX for CUDA.
+"""
+
+import functools
+import pathlib
+import re
+import sys
+from typing import Any
+
+from jaxsim.lanes.code.emit import Emitter, Pointers
+
+TRIPLE = "nvptx64-nvidia-cuda"
+POINTERS = Pointers(frame="ptr addrspace(5)", array="ptr addrspace(1)")
+# PTX for an older architecture also runs on newer ones, this one's machine code does not.
+NEWEST = 90
+LIBDEVICE = "nvvm/libdevice/libdevice.10.bc"
+DECLARED = re.compile(r"^declare [^@]+@([a-z]\w*)\(", re.MULTILINE)
+
+
+def ptx(emitter: Emitter, parameters: int, capability: int) -> str:
+    """PTX of a program whose entry is called `lanes`.
+
+    Args:
+      emitter: a program for one lane, with `POINTERS`.
+      parameters: number of arguments and results.
+      capability: of the device, 90 for 9.0.
+
+    Raises:
+      NotImplementedError: the program calls the C library, and libdevice is not installed.
+    """
+    llvm = _llvm()
+    text = "\n".join((emitter.module(), entry(parameters, emitter.frame_bytes)))
+    called = set(DECLARED.findall(text)) - {"lanes"}
+    text = re.sub(r"@([a-z]\w*)\(", lambda m: f"@__nv_{m[1]}(" if m[1] in called else m[0], text)
+    module = llvm.parse_assembly(text)
+    module.triple = TRIPLE
+    target = llvm.Target.from_triple(TRIPLE)
+    machine = target.create_target_machine(cpu=f"sm_{min(capability, NEWEST)}", opt=2)
+    if called:
+        library = llvm.parse_bitcode(_libdevice().read_bytes())
+        module.data_layout = library.data_layout
+        module.link_in(library)
+    module.data_layout = str(machine.target_data)
+    for function in module.functions:
+        if not function.is_declaration and function.name != "lanes":
+            function.linkage = "internal"
+    _optimise(module, machine)
+    return machine.emit_assembly(module)
+
+
+def entry(parameters: int, frame_bytes: int) -> str:
+    """Text of the function that each thread runs: it finds its lane and calls `@group`."""
+    addresses = [f"{POINTERS.array} %a{k}" for k in range(parameters)]
+    table = [
+        f"  %s{k} = getelementptr ptr, {POINTERS.frame} %p, i64 {k}\n"
+        f"  store {POINTERS.array} %a{k}, {POINTERS.frame} %s{k}"
+        for k in range(parameters)
+    ]
+    registers = {"thread": "tid", "block": "ctaid", "threads": "ntid"}
+    read = "@llvm.nvvm.read.ptx.sreg.{}.x()"
+    return "\n".join(
+        [
+            *(f"declare i32 {read.format(r)}" for r in registers.values()),
+            f"define ptx_kernel void @lanes({', '.join(addresses)}, i64 %n) {{",
+            "entry:",
+            f"  %frame = alloca [{frame_bytes} x i8], align 8",
+            f"  %table = alloca [{parameters} x ptr], align 8",
+            f"  %m = addrspacecast ptr %frame to {POINTERS.frame}",
+            f"  %p = addrspacecast ptr %table to {POINTERS.frame}",
+            *table,
+            *(f"  %{k} = call i32 {read.format(r)}" for k, r in registers.items()),
+            "  %before = mul i32 %block, %threads",
+            "  %lane = add i32 %before, %thread",
+            "  %b = zext i32 %lane to i64",
+            "  %is = icmp slt i64 %b, %n",
+            "  br i1 %is, label %run, label %end",
+            "run:",
+            f"  call void @group({POINTERS.arguments()})",
+            "  br label %end",
+            "end:",
+            "  ret void",
+            "}",
+        ]
+    )
+
+
+def _optimise(module: Any, machine: Any) -> None:
+    llvm = _llvm()
+    builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(1))
+    builder.getModulePassManager().run(module, builder)
+
+
+@functools.cache
+def _llvm() -> Any:
+    import llvmlite.binding
+
+    llvmlite.binding.initialize_all_targets()
+    llvmlite.binding.initialize_all_asmprinters()
+    return llvmlite.binding
+
+
+@functools.cache
+def _libdevice() -> pathlib.Path:
+    """NVIDIA's library of functions, from a wheel of theirs or CUDA's usual folder."""
+    wheels = [pathlib.Path(p) / "nvidia" for p in sys.path if p]
+    places = [w / part for w in wheels for part in ("cuda_nvcc", "cu13", "cu12")]
+    for place in [*places, *sorted(pathlib.Path("/usr/local").glob("cuda*"))]:
+        if (place / LIBDEVICE).exists():
+            return place / LIBDEVICE
+    raise NotImplementedError("where libdevice is: pip install nvidia-cuda-nvcc")
