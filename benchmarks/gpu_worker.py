@@ -1,4 +1,4 @@
-"""One row of `gpu.py`, in a process of its own: prepares it, or times it. Prints one line of JSON.
+"""A job of `gpu.py`, in a process of its own: prepares it, or times it. Each row is a line of JSON.
 
 Preparing compiles into JAX's persistent cache and runs nothing, so that many rows can be prepared
 at a time; timing then finds the programs there and has the device for itself.
@@ -15,7 +15,6 @@ import models
 import numpy as np
 
 HORIZON = 32  # steps of a gradient
-STATES = 16  # states at which accuracies are measured
 
 
 def main() -> None:
@@ -29,8 +28,10 @@ def main() -> None:
         import warp
 
         warp.config.quiet = True
-    found = measure[options.row["kind"]](options.row, options.prepare)
-    print(json.dumps(found, default=float))
+    row = options.row
+    for batch in row["batch"]:
+        found = measure[row["kind"]](row | {"batch": batch}, options.prepare)
+        print(json.dumps({"batch": batch} | found, default=float), flush=True)
 
 
 def _set_kernels(row: dict) -> None:
@@ -70,9 +71,9 @@ def check(row: dict, prepare: bool) -> dict:
     from jaxsim.lanes import as_kernel
 
     if row["engine"] == "mujoco_warp":
-        return {} if prepare else _warp_check(_model(row))
+        return {} if prepare else _warp_check(_model(row), row["batch"])
     mj = _model(row)
-    states = models.visited(mj, STATES)
+    states = models.visited(mj, row["batch"])
     model = jaxsim.load(mj)
     mapped = {"kernel": jax.vmap, "lanes last": jaxsim.vmap, "lanes first": jax.vmap}
     if row["engine"] == "MJX":
@@ -91,7 +92,7 @@ def check(row: dict, prepare: bool) -> dict:
         f = lambda s, u: jaxsim.forward(model, s, u).qacc  # noqa: E731
         f = as_kernel(f) if row["engine"] == "kernel" else f
         f = mapped[row["engine"]](f)
-        args = states.batch(model, STATES)
+        args = states.batch(model, row["batch"])
         program = jax.jit(f).lower(*args).compile()
     if prepare:
         return {}
@@ -255,11 +256,11 @@ def _warp_rate(mj, row: dict) -> dict:
     return found | {"spread %": 100 * (max(samples) - min(samples)) / statistics.median(samples)}
 
 
-def _warp_check(mj) -> dict:
+def _warp_check(mj, count: int) -> dict:
     import mujoco_warp as mjw
 
-    states = models.visited(mj, STATES)
-    model, data = _warp(mj, STATES, *_room(mj))
+    states = models.visited(mj, count)
+    model, data = _warp(mj, count, *_room(mj))
     given = {"qpos": states.qpos, "qvel": states.qvel, "ctrl": states.ctrl}
     for name, values in (given | {"qacc_warmstart": states.warmstart}).items():
         getattr(data, name).assign(values.astype(np.float32))

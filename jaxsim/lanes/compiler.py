@@ -12,13 +12,13 @@ import numpy as np
 from jaxsim.batching import forms
 from jaxsim.lanes import rules, translate  # noqa: F401
 from jaxsim.lanes.code import cache
-from jaxsim.lanes.code.emit import Emitter, Pointers
+from jaxsim.lanes.code.emit import CPU, Emitter, Pointers
 from jaxsim.lanes.code.handler import handler, version
 from jaxsim.lanes.code.machine import Loaded, lanes_of, llvm_version, object_code, processor
-from jaxsim.lanes.code.schedule import Schedule
+from jaxsim.lanes.code.schedule import PIECE, Schedule
 from jaxsim.lanes.gpu import driver
 from jaxsim.lanes.gpu.launcher import launcher
-from jaxsim.lanes.gpu.ptx import POINTERS, ptx
+from jaxsim.lanes.gpu.ptx import LONGEST, POINTERS, ptx
 from jaxsim.lanes.identity import digest
 from jaxsim.lanes.program.builder import Builder
 from jaxsim.lanes.program.graph import INPUT
@@ -82,7 +82,8 @@ def gpu_kernel(program, batched: tuple[bool, ...], capability: int) -> Kernel:
         count = len(program.in_avals), len(program.out_avals)
         stored = cache.load(key)
         if stored is None:
-            stored = ptx(_emitter(program, batched, 1, POINTERS), sum(count), capability).encode()
+            emitter = _emitter(program, batched, 1, POINTERS, LONGEST)
+            stored = ptx(emitter, sum(count), capability).encode()
             cache.save(key, stored)
         device = driver.Loaded(stored.decode())
         host = object_code(launcher(*count, device.address, device.launch))
@@ -124,8 +125,18 @@ def source(program, batched: tuple[bool, ...], single: bool = False) -> tuple[st
     return "\n".join(text), emitter.width
 
 
-def _emitter(program, batched, width: int | None, pointers: Pointers = Pointers()) -> Emitter:
-    """A program in the compiler's own terms and in order; None for as many lanes as a vector."""
+def _emitter(
+    program, batched, width: int | None, pointers: Pointers = CPU, longest: int = PIECE
+) -> Emitter:
+    """A program in the compiler's own terms and in order.
+
+    Args:
+      program: a closed jaxpr.
+      batched: which operands each lane has of its own.
+      width: lanes of a group; None for those of a vector.
+      pointers: types of addresses.
+      longest: operations of a piece, at most.
+    """
     graph, kinds, values = Builder(), [], []
     for k, (aval, own) in enumerate(zip(program.in_avals, batched, strict=True)):
         kind = code(aval.dtype)
@@ -134,7 +145,7 @@ def _emitter(program, batched, width: int | None, pointers: Pointers = Pointers(
         kinds.append((kind, own))
     results = translate.evaluate(graph, forms.program(program), values)
     outputs = np.concatenate([np.zeros(0, np.int32), *[x.reshape(-1) for x in results]])
-    schedule = Schedule(graph, outputs.astype(np.int32))
+    schedule = Schedule(graph, outputs.astype(np.int32), longest)
     width = width or lanes_of(_largest(graph, schedule.live))
     return Emitter(schedule, kinds, results, width, pointers)
 

@@ -163,6 +163,22 @@ def read(path: pathlib.Path | Traversable) -> dict[str, Any]:
     return values
 
 
+def for_device(values: Mapping[str, Any], platform: str) -> dict[str, Any]:
+    """Settings for a platform: on a GPU, those under `gpu` take the place of others.
+
+    A GPU steps thousands of environments as fast as a few, and takes as long for a small gradient
+    step as for a large one.
+
+    Raises:
+      ConfigError: what is under `gpu` is no mapping.
+    """
+    values = dict(values)
+    there = values.pop("gpu", {})
+    if not isinstance(there, Mapping):
+        raise ConfigError(f"gpu must be a mapping of settings, got {there!r}")
+    return values | there if platform == "gpu" else values
+
+
 def find(algorithm: str, env: str) -> Traversable | None:
     """Path of the tuned settings that come with jaxsim, if there are any.
 

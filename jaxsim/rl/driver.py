@@ -126,7 +126,7 @@ def resolve(
     if isinstance(settings, str | pathlib.Path):
         settings = config.read(pathlib.Path(settings))
     if isinstance(settings, Mapping):
-        settings = config.build(cls, settings)
+        settings = config.build(cls, config.for_device(settings, jax.default_backend()))
     if not isinstance(settings, cls):
         raise config.ConfigError(
             f"settings of {algorithm_name(algorithm)} must be a mapping, a file or a "

@@ -34,6 +34,9 @@ class Pointers:
         return f"{self.frame}{attribute} %m, {self.frame}{attribute} %p, i64 %b, i64 %n"
 
 
+CPU = Pointers()
+
+
 class Emitter:
     """Text of a program.
 
@@ -45,7 +48,7 @@ class Emitter:
       pointers: types of addresses.
     """
 
-    def __init__(self, schedule: Schedule, inputs, outputs, width: int, pointers=Pointers()):
+    def __init__(self, schedule: Schedule, inputs, outputs, width: int, pointers=CPU):
         self.schedule, self.graph = schedule, schedule.graph
         self.inputs, self.width, self.pointers = inputs, width, pointers
         self.code = Instructions(width)

@@ -23,6 +23,7 @@ from jaxsim.lanes.program.graph import (
 )
 from jaxsim.lanes.program.liveness import live, operands
 
+# Operations of a piece, at most.
 PIECE = 1_500
 # The mask of a piece that all lanes run; other masks have negative numbers.
 ALL_LANES = 0
@@ -78,6 +79,11 @@ class Choose:
 class Schedule:
     """Items, and the places of values.
 
+    Args:
+      graph: the program.
+      outputs: nodes of the results.
+      longest: operations of a piece, at most.
+
     Attributes:
       items: the program.
       pieces: all pieces in order.
@@ -85,8 +91,8 @@ class Schedule:
       size: number of places.
     """
 
-    def __init__(self, graph: Graph, outputs: np.ndarray):
-        self.graph, self.outputs = graph, outputs
+    def __init__(self, graph: Graph, outputs: np.ndarray, longest: int = PIECE):
+        self.graph, self.outputs, self.longest = graph, outputs, longest
         self.live = live(graph, outputs)
         self.pieces: list[Piece] = []
         self.loops: list[tuple[int, int]] = []
@@ -196,7 +202,7 @@ class Schedule:
     def _pieces(self, nodes: list[int], mask: int) -> list[Piece]:
         """Pieces of even length; results are in place already and no code."""
         nodes = [n for n in nodes if self.graph.op[n] not in (RESULT, CONTROL)]
-        count = -(-len(nodes) // PIECE)
+        count = -(-len(nodes) // self.longest)
         cuts = np.linspace(0, len(nodes), count + 1).astype(int)
         return [self._piece(nodes[a:b], mask) for a, b in zip(cuts, cuts[1:], strict=False)]
 

@@ -15,6 +15,9 @@ from jaxsim.lanes.code.emit import Emitter, Pointers
 
 TRIPLE = "nvptx64-nvidia-cuda"
 POINTERS = Pointers(frame="ptr addrspace(5)", array="ptr addrspace(1)")
+# Operations of a piece. What another piece needs goes through memory: with 6,000 instead of 1,500,
+# 32,768 environments of hopper are 1.24 times as fast on an H100, half_cheetah and humanoid 1.14.
+LONGEST = 6_000
 # PTX for an older architecture also runs on newer ones, this one's machine code does not.
 NEWEST = 90
 LIBDEVICE = "nvvm/libdevice/libdevice.10.bc"
