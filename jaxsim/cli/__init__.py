@@ -88,9 +88,12 @@ _TRAIN = """\
 Train a policy in thousands of environments at once.
 
 Settings come from the tuned file for this environment, where jaxsim has one; --config names
-another file, and --set changes single values. Everything is written to one directory: settings
-(run.yaml), numbers (metrics.jsonl, tensorboard), checkpoints, the learning curve (curve.png) and
-an episode of the trained policy (episode.mp4 or .gif).
+another file, and --set changes single values. On a GPU, what such a file has under "gpu" takes the
+place of other values: more environments, fewer and larger gradient steps.
+
+Everything is written to one directory: settings (run.yaml), numbers (metrics.jsonl, tensorboard),
+checkpoints, the learning curve (curve.png) and an episode of the trained policy (episode.mp4 or
+.gif).
 
 Ctrl-C ends training after the present epoch, with a checkpoint; --resume goes on from there, and
 the result is the same to the last bit as without the interrupt.

@@ -1,4 +1,4 @@
-"""A compiler for CPUs: a traced program as one kernel, the lanes of a batch in its vectors."""
+"""A compiler: a traced program as one kernel, with a lane in each place of a vector or thread."""
 
 from jaxsim.lanes.primitive import as_kernel
 

@@ -176,7 +176,7 @@ def for_device(values: Mapping[str, Any], platform: str) -> dict[str, Any]:
     there = values.pop("gpu", {})
     if not isinstance(there, Mapping):
         raise ConfigError(f"gpu must be a mapping of settings, got {there!r}")
-    return values | there if platform == "gpu" else values
+    return {**values, **there} if platform == "gpu" else values
 
 
 def find(algorithm: str, env: str) -> Traversable | None:

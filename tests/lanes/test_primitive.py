@@ -10,7 +10,7 @@ from oracle import quick_jit
 import jaxsim
 from jaxsim.arrays import tuning
 from jaxsim.batching import jaxprs
-from jaxsim.lanes import as_kernel, compiler, primitive
+from jaxsim.lanes import as_kernel, compiler, primitive, switch
 
 RNG = np.random.default_rng(2)
 X = jnp.asarray(RNG.normal(size=(37, 3)), jnp.float32)
@@ -165,3 +165,18 @@ def test_an_array_of_a_loop_that_begins_with_a_constant():
         return lax.while_loop(lambda c: c[1] < 2 + 3 * jnp.abs(x[1]), turn, (x, 0))
 
     assert_same(quick_jit(jax.vmap(as_kernel(h)))(X), jax.vmap(h)(X))
+
+
+def test_unstack():
+    """One equation in newer releases of JAX."""
+    parts = lambda x: [2 * part for part in jnp.unstack(jnp.outer(x, x), axis=1)]  # noqa: E731
+    assert_same(quick_jit(jax.vmap(as_kernel(parts)))(X), jax.vmap(parts)(X))
+
+
+def test_on_by_default_on_a_gpu(monkeypatch):
+    monkeypatch.setattr(switch, "_enabled", None)
+    assert not switch.lanes_enabled()
+    monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
+    assert switch.lanes_enabled() == switch.lanes_installed()
+    switch.enable_lanes(False)
+    assert not switch.lanes_enabled()

@@ -3,6 +3,7 @@
 import dataclasses
 import pathlib
 
+import jax
 import pytest
 
 import jaxsim.rl
@@ -103,6 +104,16 @@ def test_plain_settings_can_be_read_back():
     assert config.build(ppo.Config, config.plain(settings)) == settings
 
 
+def test_settings_for_a_gpu_take_the_place_of_others(monkeypatch):
+    given = {"envs": 8, "unroll": 4, "gpu": {"envs": 4096}}
+    assert jaxsim.rl.resolve("fast", "ppo", given).envs == 8
+    monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
+    found = jaxsim.rl.resolve("fast", "ppo", given, ["unroll=2"])
+    assert (found.envs, found.unroll) == (4096, 2)
+    with pytest.raises(ConfigError, match="gpu must be a mapping"):
+        jaxsim.rl.resolve("fast", "ppo", {"gpu": 3})
+
+
 def test_files_that_cannot_be_read(tmp_path):
     with pytest.raises(ConfigError, match="cannot read .*missing.yaml"):
         config.read(tmp_path / "missing.yaml")
@@ -118,7 +129,9 @@ def test_files_that_cannot_be_read(tmp_path):
 def test_tuned_settings_are_found_and_make_sense(path):
     assert config.find(path.parent.name, path.stem) == path
     assert path.stem in jaxsim.envs.names()
-    jaxsim.rl.resolve(path.stem, path.parent.name)
+    settings = jaxsim.rl.resolve(path.stem, path.parent.name)
+    on_gpu = config.for_device(config.read(path), "gpu")
+    assert config.build(type(settings), on_gpu).envs >= settings.envs
     header = path.read_text("utf-8").splitlines()[0]
     assert header.startswith("#"), "the first line says what return these settings gave"
 

@@ -23,7 +23,7 @@ class Loaded:
 
     def __init__(self, ptx: str, name: str = "lanes"):
         driver = _driver()
-        self.launch = ctypes.cast(driver.cuLaunchKernel, ctypes.c_void_p).value
+        self.launch = ctypes.cast(driver.cuLaunchKernel, ctypes.c_void_p).value or 0
         log, library, kernel = ctypes.create_string_buffer(LOG), _pointer(), _pointer()
         options = (ctypes.c_int * 2)(ERROR_LOG, ERROR_LOG_BYTES)
         values = (ctypes.c_void_p * 2)(ctypes.addressof(log), LOG)
@@ -35,7 +35,7 @@ class Loaded:
             "cuLibraryGetKernel",
             driver.cuLibraryGetKernel(ctypes.byref(kernel), library, name.encode()),
         )
-        self._library, self.address = library, kernel.value
+        self._library, self.address = library, kernel.value or 0
         for device in jax.local_devices(backend="cuda"):
             self._prepare(device.local_hardware_id, kernel)
 
