@@ -301,7 +301,8 @@ SECTIONS = (
         "gpu",
         "On a GPU",
         "Errors against MuJoCo C on the device, steps per second of a batch, of gradients of 32 "
-        "steps (forward and back) and of training. Programs were compiled several at a time.",
+        "steps (forward and back) and of training, whose seconds are all until its end. Programs "
+        "were compiled several at a time.",
         plain(
             "kind",
             "model",
@@ -313,6 +314,7 @@ SECTIONS = (
             "qacc error",
             "gradient error",
             "return",
+            "seconds",
             "compile s",
             "memory MB",
             "why",
