@@ -118,7 +118,8 @@ def test_rows_of_a_gpu_are_measured(gpu):
     """Each kind in tiny sizes, as `gpu.py --cpu` has them, but in this process."""
     import gpu_worker
 
-    rows = {r["kind"]: r for r in gpu._tiny_rows(gpu._options(["--cpu"])) if r["engine"][0] != "m"}
+    jobs = [j for j in gpu._tiny_jobs(gpu._options(["--cpu"])) if j["engine"][0] != "m"]
+    rows = {j["kind"]: j | {"batch": j["batch"][0]} for j in jobs}
     assert set(rows) == {"check", "rate", "gradient", "train"}
     errors = gpu_worker.check(rows["check"], prepare=False)
     assert max(errors["qacc error"], errors["gradient error"]) < 1e-4
@@ -128,8 +129,11 @@ def test_rows_of_a_gpu_are_measured(gpu):
 
 
 def test_a_row_of_a_gpu_that_fails_says_why_and_stops_no_other(gpu, monkeypatch, capsys):
-    fail = [gpu._row("rate", "double_pendulum", "none", steps=1), gpu._row("check", "nobody", "x")]
-    monkeypatch.setattr(gpu, "_tiny_rows", lambda options: fail)
+    fail = [
+        gpu._row("rate", "double_pendulum", "x", 1, steps=1),
+        gpu._row("check", "nobody", "x", 1),
+    ]
+    monkeypatch.setattr(gpu, "_tiny_jobs", lambda options: fail)
     gpu.main(["--cpu", "--dry"])
     said = capsys.readouterr().out
     assert "repetitions" in said
