@@ -56,6 +56,8 @@ def test_alone_nested_and_in_loops():
 
     assert_same(quick_jit(as_kernel(f))(X[0]), f(X[0]))
     assert_same(quick_jit(jaxsim.vmap(steps))(X), jax.vmap(plain)(X))
+    inside = as_kernel(lambda x: 2 * as_kernel(g)(x))
+    assert_same(quick_jit(inside)(X[0]), 2 * g(X[0]))
     pairs = X[:36].reshape(6, 6, 3)
     scaled = lambda x, s: g(x) * s  # noqa: E731
     nested = jax.vmap(jax.vmap(as_kernel(scaled), (0, None)), (0, 0))

@@ -1,51 +1,41 @@
-"""Packing of a step's results in one array for each type, because each result costs time."""
+"""A step's results, read on the host from the words of a state."""
 
-import math
+from collections.abc import Callable
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
-from jaxsim.envs.base.env import EnvState
 from jaxsim.envs.bridges.spaces import public_info
+from jaxsim.envs.bridges.words import Place, Words
+
+_VIEWS = {"f": np.float32, "b": np.int32, "i": np.int32, "u": np.uint32}  # of numbers of 4 bytes
 
 
-class Layout:
-    """Positions of a step's results in the packed arrays; known once `packed` has been traced."""
+class Results:
+    """Where observation, reward, both ends and the public infos lie in the words of a state."""
 
-    def __init__(self):
-        self._places: list[tuple[str, str, int, tuple[int, ...], np.dtype]] = []
+    def __init__(self, layout: Words):
+        """Find the places, once."""
+        state: Any = layout.places
+        self._obs = state.obs
+        self._told = [_reader(place) for place in (state.reward, state.terminated, state.truncated)]
+        self._info = {name: _reader(place) for name, place in public_info(state).items()}
 
-    def packed(self, state: EnvState) -> dict[str, Array]:
-        """Observation, reward, both ends and the public infos, in one vector for each type."""
-        told = {
-            "obs": state.obs,
-            "reward": state.reward,
-            "terminated": state.terminated,
-            "truncated": state.truncated,
-            **{f"info {name}": value for name, value in public_info(state).items()},
-        }
-        vectors: dict[str, list[Array]] = {}
-        self._places = []
-        for name, value in told.items():
-            kind = "int32" if value.dtype == jnp.bool_ else value.dtype.name
-            parts = vectors.setdefault(kind, [])
-            start = sum(part.size for part in parts)
-            self._places.append((name, kind, start, value.shape, np.dtype(value.dtype)))
-            parts.append(value.reshape(-1).astype(kind))
-        return {kind: jnp.concatenate(parts) for kind, parts in vectors.items()}
+    def read(self, words: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        """The results as NumPy arrays and Python numbers; nothing of them is a view."""
+        views = {kind: words.view(dtype) for kind, dtype in _VIEWS.items()}
+        reward, terminated, truncated = (read(words, views) for read in self._told)
+        info = {name: read(words, views) for name, read in self._info.items()}
+        return self._obs.read(words), reward, terminated, truncated, info
 
-    def unpacked(self, packed: dict[str, Array]) -> tuple[np.ndarray, float, bool, bool, dict]:
-        """The results as NumPy arrays and Python numbers."""
-        arrays = {kind: np.asarray(vector) for kind, vector in packed.items()}
-        told: dict[str, Any] = {}
-        for name, kind, start, shape, dtype in self._places:
-            if shape:
-                part = arrays[kind][start : start + math.prod(shape)]
-                told[name] = part.reshape(shape).astype(dtype)
-            else:
-                told[name] = dtype.type(arrays[kind][start]).item()
-        ends = told.pop("terminated"), told.pop("truncated")
-        obs, reward = told.pop("obs"), told.pop("reward")
-        return obs, reward, *ends, {name.removeprefix("info "): v for name, v in told.items()}
+
+def _reader(place: Place) -> Callable[[np.ndarray, dict[str, np.ndarray]], Any]:
+    """The function that reads one array, or one number as Python's."""
+    kind, start = np.dtype(place.dtype).kind, place.start
+    if place.shape:
+        return lambda words, views: place.read(words)
+    if place.count > 1 or kind not in _VIEWS:
+        return lambda words, views: place.read(words).item()
+    if kind == "b":
+        return lambda words, views: bool(views[kind].item(start))
+    return lambda words, views: views[kind].item(start)

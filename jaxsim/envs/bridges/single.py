@@ -60,6 +60,7 @@ class GymnasiumEnv(gymnasium.Env):
         self.action_space = spaces.action_space(self.env) if known is None else known.action_space
         self._layout: Words | None = None
         self._words: jax.Array | None = None
+        self._program: tuple[Callable, packing.Results] | None = None
         self._key = None
         self._frames = render.frames(self.env, width, height, camera) if render_mode else None
 
@@ -70,7 +71,7 @@ class GymnasiumEnv(gymnasium.Env):
 
     @env.setter
     def env(self, env: Env) -> None:
-        self._constant = Constant(env)
+        self._constant, self._program = Constant(env), None
 
     @property
     def state(self) -> EnvState | None:
@@ -81,7 +82,7 @@ class GymnasiumEnv(gymnasium.Env):
 
     @state.setter
     def state(self, state: EnvState) -> None:
-        self._layout = Words.of(state)
+        self._layout, self._program = Words.of(state), None
         self._words = self._layout.packed(state)
 
     @property
@@ -112,9 +113,10 @@ class GymnasiumEnv(gymnasium.Env):
         if seed is not None or self._key is None:
             entropy = int(self.np_random.integers(2**32)) if seed is None else seed
             self._key = batch.root_keys([entropy])[0]
-        restart, self._layout, unpack = _restart(self._placed)
-        self._words, self._key, packed = restart(self._key)
-        obs, _, _, _, info = unpack(packed)
+        restart, self._layout = _restart(self._placed)
+        self._words, self._key = restart(self._key)
+        _, results = self._program = _step(self._placed, self._layout)
+        obs, _, _, _, info = results.read(np.asarray(self._words))
         return obs, info
 
     def step(self, action):
@@ -134,9 +136,9 @@ class GymnasiumEnv(gymnasium.Env):
         if self._layout is None:
             raise gymnasium.error.ResetNeeded("call reset() before step()")
         action = np.asarray(action, np.float32).reshape(self.action_space.shape)
-        step, unpack = _step(self._placed, self._layout)
-        self._words, packed = step(self._words, action)
-        return unpack(packed)
+        step, results = self._program = self._program or _step(self._placed, self._layout)
+        self._words = step(self._words, action)
+        return results.read(np.asarray(self._words))
 
     def render(self) -> np.ndarray | None:
         """The frame as an array (height, width, 3), or None without a render mode."""
@@ -151,26 +153,24 @@ class GymnasiumEnv(gymnasium.Env):
 
 
 @programs_of
-def _restart(constant: Constant) -> tuple[Callable, Words, Callable]:
-    """The compiled function `key -> (words, key, packed)`, and how both vectors are read."""
-    results = packing.Layout()
+def _restart(constant: Constant) -> tuple[Callable, Words]:
+    """The compiled function `key -> (words, key)`, and what the words mean."""
     begin = functools.partial(batch.restart, constant.value)
     layout = Words.of(jax.eval_shape(begin, jax.random.key(0))[0])
 
     def restart(key):
         state, key = begin(key)
-        return layout.packed(state), key, results.packed(state)
+        return layout.packed(state), key
 
-    return compiled(restart, jax.default_backend()), layout, results.unpacked
+    return compiled(restart, jax.default_backend()), layout
 
 
 @programs_of
-def _step(constant: Constant, layout: Words) -> tuple[Callable, Callable]:
-    """The compiled function `(words, action) -> (words, packed)`, and how the results are read."""
-    results = packing.Layout()
+def _step(constant: Constant, layout: Words) -> tuple[Callable, packing.Results]:
+    """The compiled function `(words, action) -> words`, and how results are read from these."""
 
     def step(words, action):
         after = batch.guarded_step(constant.value, layout.unpacked(words), action)
-        return layout.packed(after), results.packed(after)
+        return layout.packed(after)
 
-    return compiled(step, jax.default_backend()), results.unpacked
+    return compiled(step, jax.default_backend()), packing.Results(layout)

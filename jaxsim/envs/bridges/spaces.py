@@ -30,8 +30,9 @@ def public_info(state: EnvState) -> dict[str, Any]:
 
 def is_private(name: str, value: Any) -> bool:
     """Whether an entry is private to wrappers: underscored names, random keys, nested records."""
-    arrays = isinstance(value, (jax.Array, np.ndarray))
-    return name.startswith("_") or not arrays or jnp.issubdtype(value.dtype, jax.dtypes.prng_key)
+    if name.startswith("_") or not hasattr(value, "dtype"):
+        return True
+    return jnp.issubdtype(value.dtype, jax.dtypes.prng_key)
 
 
 def vector_info(info: dict[str, Any], mask: np.ndarray) -> dict[str, Any]:

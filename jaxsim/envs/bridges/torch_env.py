@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxsim.envs.base.env import Env
-from jaxsim.envs.bridges.autoreset import Outcome
+from jaxsim.envs.bridges import autoreset
 from jaxsim.envs.bridges.batch import Batch
 from jaxsim.envs.bridges.spaces import public_info
 from jaxsim.envs.bridges.vector import GymnasiumVectorEnv
@@ -101,7 +101,9 @@ class TorchVectorEnv(GymnasiumVectorEnv):
         infos = info | {f"_{name}": given for name in info}
         return shared((fresh.states.obs, infos), self._from_dlpack)
 
-    def _results(self, outcome: Outcome):
+    def _advance(self, actions: Any):
+        program = autoreset.compiled_step(self._placed(), self._mesh, self.autoreset_mode)
+        self._batch, outcome = program(self._batch, actions, self._done)
         done = outcome.terminated | outcome.truncated
         infos = _masked(outcome.info, jnp.ones_like(done))
         self._done = done

@@ -167,9 +167,21 @@ class GymnasiumVectorEnv(VectorEnv):
                 f"environments {np.flatnonzero(self._done)[:10].tolist()} have ended: call "
                 'reset(options={"reset_mask": mask}) first'
             )
-        program = autoreset.compiled_step(self._placed(), self._mesh, self.autoreset_mode)
-        self._batch, outcome = program(self._batch, self._taken(actions), self._done)
-        return self._results(outcome)
+        return self._advance(self._taken(actions))
+
+    def _advance(self, actions: Any):
+        """One step, with the results on the host; last observations only where there are any."""
+        found = autoreset.compiled_step_for_host(self._placed(), self._mesh, self.autoreset_mode)
+        program, layout = found
+        self._batch, words, last = program(self._batch, actions, self._done)
+        now: Any = layout.read(np.asarray(words))  # an `Outcome`
+        self._done, infos = now.terminated | now.truncated, {}
+        if last is not None and self._done.any():
+            final: Any = layout.read(np.asarray(last))
+            infos = vector_info(_final(final.obs, final.info, self._done), self._done)
+            self._done = np.zeros_like(self._done)
+        infos |= vector_info(now.info, np.ones_like(self._done))
+        return now.obs, now.reward.astype(float), now.terminated, now.truncated, infos
 
     def _placed(self) -> Constant:
         check_fork()
@@ -179,19 +191,6 @@ class GymnasiumVectorEnv(VectorEnv):
 
     def _taken(self, actions: Any):
         return np.asarray(actions, np.float32).reshape(self.action_space.shape)
-
-    def _results(self, outcome: autoreset.Outcome):
-        """The outcome on the host, in Gymnasium's format; with last observations only if needed."""
-        now = jax.device_get(outcome.replace(final_obs=None, final_info=None))
-        terminated, truncated = np.array(now.terminated), np.array(now.truncated)
-        self._done = terminated | truncated
-        infos = {}
-        if outcome.final_obs is not None and self._done.any():
-            final_obs, final_info = jax.device_get((outcome.final_obs, outcome.final_info))
-            infos = vector_info(_final(final_obs, final_info, self._done), self._done)
-            self._done = np.zeros_like(self._done)
-        infos |= vector_info(now.info, np.ones_like(terminated))
-        return np.array(now.obs), np.array(now.reward, float), terminated, truncated, infos
 
     def render(self) -> tuple[np.ndarray, ...] | None:
         """One frame of every environment, or None without a render mode."""

@@ -5,6 +5,7 @@ about twenty. As a single array they cost little, which one environment alone no
 """
 
 import dataclasses
+import functools
 import math
 from typing import Any
 
@@ -13,6 +14,29 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 from jaxtyping import Array, UInt32
+
+
+@dataclasses.dataclass(frozen=True)
+class Place:
+    """Where an array lies in a vector of words.
+
+    Attributes:
+      start: its first word.
+      count: how many words it has.
+      shape: of the array.
+      dtype: of the array.
+    """
+
+    start: int
+    count: int
+    shape: tuple[int, ...]
+    dtype: Any
+
+    def read(self, words: np.ndarray) -> np.ndarray:
+        """A copy of the array, from words on the host; of a batch from (..., words)."""
+        part = np.ascontiguousarray(words[..., self.start : self.start + self.count])
+        whole = part.view(_wide(self.dtype)).reshape((*words.shape[:-1], *self.shape))
+        return whole.astype(self.dtype)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,21 +57,38 @@ class Words:
         leaves, structure = jax.tree.flatten(jax.eval_shape(lambda: tree))
         return cls(structure, tuple(leaves))
 
+    @functools.cached_property
+    def places(self) -> Any:
+        """The tree, with a `Place` for each array."""
+        found, start = [], 0
+        for like in self.leaves:
+            count = math.prod(_shape(like))
+            found.append(Place(start, count, like.shape, like.dtype))
+            start += count
+        return self.structure.unflatten(found)
+
     def packed(self, tree: Any) -> UInt32[Array, "words"]:
         """The words of a tree of this structure."""
         leaves = self.structure.flatten_up_to(tree)
         pairs = zip(leaves, self.leaves, strict=True)
         return jnp.concatenate([_to_words(x, like.dtype).reshape(-1) for x, like in pairs])
 
+    def read(self, words: np.ndarray) -> Any:
+        """The tree of NumPy's arrays of these words, or of a batch of them, (..., words)."""
+        return jax.tree.map(lambda place: place.read(words), self.places)
+
     def unpacked(self, words: UInt32[Array, "words"]) -> Any:
         """The tree of these words."""
-        found, start = [], 0
-        for like in self.leaves:
-            shape = jax.eval_shape(lambda x, dtype=like.dtype: _to_words(x, dtype), like).shape
-            size = math.prod(shape)
-            found.append(_from_words(words[start : start + size].reshape(shape), like.dtype))
-            start += size
+        found = []
+        for like, place in zip(self.leaves, jax.tree.leaves(self.places), strict=True):
+            part = words[place.start : place.start + place.count].reshape(_shape(like))
+            found.append(_from_words(part, like.dtype))
         return self.structure.unflatten(found)
+
+
+def _shape(like: jax.ShapeDtypeStruct) -> tuple[int, ...]:
+    """The shape of an array's words."""
+    return jax.eval_shape(lambda x: _to_words(x, like.dtype), like).shape
 
 
 def _to_words(x: Any, dtype: Any) -> Array:

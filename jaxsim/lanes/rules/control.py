@@ -26,6 +26,7 @@ LARGEST_STACK = 1_024
     "custom_jvp_call",
     "custom_vjp_call",
     "custom_vjp_call_jaxpr",
+    "lane_call",
     "own_kernel",
     "jvp_rule",
     "one_at_a_time",
