@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 from jax import lax
 from jax.extend import core as jex
 
@@ -48,6 +49,15 @@ def num_scalars(eqns: Sequence) -> int:
     return sum(
         sum(math.prod(v.aval.shape) for v in eqn.outvars)
         + sum(num_scalars(jaxpr.eqns) for jaxpr in bodies(eqn))
+        for eqn in eqns
+    )
+
+
+def has_keys(eqns: Sequence) -> bool:
+    """Whether equations, or those of inner programs, make random keys."""
+    return any(
+        any(jnp.issubdtype(v.aval.dtype, jax.dtypes.prng_key) for v in eqn.outvars)
+        or any(has_keys(jaxpr.eqns) for jaxpr in bodies(eqn))
         for eqn in eqns
     )
 

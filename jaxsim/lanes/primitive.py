@@ -25,7 +25,8 @@ def as_kernel(f: Callable) -> Callable:
 
     It means what `f` means, under `jit`, `vmap` and derivatives. It pays for functions of some
     hundred operations and more; the machine code stays until the process ends. Where its program is
-    larger than `tuning.KERNEL_SCALARS`, the call stands for its equations, which XLA compiles.
+    larger than `tuning.KERNEL_SCALARS`, or draws random numbers, the call stands for its equations,
+    which XLA compiles.
 
     Args:
       f: a function of pytrees of arrays, written for one element. It may close over arrays, but
@@ -38,7 +39,8 @@ def as_kernel(f: Callable) -> Callable:
         kinds = [jaxprs.element(x, None) for x in leaves]
         flat = lambda *xs: f(*jax.tree.unflatten(tree, xs))  # noqa: E731
         traced, shapes = jax.make_jaxpr(flat, return_shape=True)(*kinds)
-        if jaxprs.num_scalars(traced.jaxpr.eqns) > tuning.KERNEL_SCALARS:
+        eqns = traced.jaxpr.eqns
+        if jaxprs.num_scalars(eqns) > tuning.KERNEL_SCALARS or jaxprs.has_keys(eqns):
             results = _evaluate(*leaves, program=traced)
         else:
             results = _bind(traced, leaves)

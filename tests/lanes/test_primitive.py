@@ -56,6 +56,8 @@ def test_alone_nested_and_in_loops():
 
     assert_same(quick_jit(as_kernel(f))(X[0]), f(X[0]))
     assert_same(quick_jit(jaxsim.vmap(steps))(X), jax.vmap(plain)(X))
+    noise = lambda x: g(x) + jax.random.normal(jax.random.key(1), (3,))  # noqa: E731
+    assert_same(quick_jit(as_kernel(noise))(X[0]), noise(X[0]))
     inside = as_kernel(lambda x: 2 * as_kernel(g)(x))
     assert_same(quick_jit(inside)(X[0]), 2 * g(X[0]))
     pairs = X[:36].reshape(6, 6, 3)

@@ -15,6 +15,8 @@ from jaxsim.envs.bridges.documented import documented
 from jaxsim.envs.bridges.fork import check_fork
 from jaxsim.envs.bridges.words import Words
 from jaxsim.envs.registry.entries import make
+from jaxsim.lanes import as_kernel
+from jaxsim.lanes.switch import lanes_enabled
 from jaxsim.parallel.devices import compiled
 
 
@@ -168,9 +170,11 @@ def _restart(constant: Constant) -> tuple[Callable, Words]:
 @programs_of
 def _step(constant: Constant, layout: Words) -> tuple[Callable, packing.Results]:
     """The compiled function `(words, action) -> words`, and how results are read from these."""
+    advance = functools.partial(batch.guarded_step, constant.value)
+    if lanes_enabled():
+        advance = as_kernel(advance)
 
     def step(words, action):
-        after = batch.guarded_step(constant.value, layout.unpacked(words), action)
-        return layout.packed(after)
+        return layout.packed(advance(layout.unpacked(words), action))
 
     return compiled(step, jax.default_backend()), packing.Results(layout)
