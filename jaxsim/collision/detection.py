@@ -8,7 +8,6 @@ too many, and geom ids are traced.
 
 import dataclasses
 import functools
-from collections.abc import Callable, Sequence
 from typing import Any
 
 import jax
@@ -22,12 +21,11 @@ from jaxsim.arrays.indexing import Index, gather
 from jaxsim.collision.bounds import distance_bound
 from jaxsim.collision.candidates import Candidates, PairGroup
 from jaxsim.collision.contact import Contact
-from jaxsim.collision.fields import Fields
-from jaxsim.collision.hulls import Hulls
+from jaxsim.collision.evaluation import contacts_of_groups, join_ids, take_shapes
 from jaxsim.collision.parameters import contact_margin, contact_parameters, contact_reach
 from jaxsim.collision.selection import within_reach
 from jaxsim.collision.shapes import Contacts, Shape
-from jaxsim.collision.table import HFIELD, MESH, PAIRS
+from jaxsim.collision.table import PAIRS
 
 # Lower bounds are computed for all combinations of the first and second geoms if these are at most
 # this factor times the candidates. This reads the data of each geom once, without gathers for
@@ -66,9 +64,9 @@ def detect(
     """
     shapes = Shape(geom_xpos, geom_xmat, jnp.asarray(model.geom_size, geom_xpos.dtype))
     parts, overflow = [], jnp.zeros((), int)
-    limits = iter(candidates.pairs())
+    of_groups = iter(_slots_of_groups(model, candidates, shapes))
     for span, groups in zip(candidates.ranges, candidates.by_kind().values(), strict=True):
-        found = [_evaluate(model, group, shapes, next(limits)) for group in groups]
+        found = [next(of_groups) for _ in groups]
         slots, lost = _deepest(model, _joined([s for s, _ in found]), span.stop - span.start)
         overflow = overflow + lost + sum(n for _, n in found)
         parts.append(slots)
@@ -87,18 +85,37 @@ def detect(
     )
 
 
-def _evaluate(
+def _slots_of_groups(
+    model: Any, candidates: Candidates, shapes: Shape
+) -> list[tuple[_Slots, Int[Array, ""] | int]]:
+    """The slots of each group, and how many other contacts there might be."""
+    groups, counts = candidates.groups, candidates.pairs()
+    pairs = [_pairs(model, g, shapes, n) for g, n in zip(groups, counts, strict=True)]
+    contacts = contacts_of_groups(model, groups, shapes, [ids for ids, _ in pairs])
+    return [
+        _in_slots(model, group, ids, lost, found)
+        for group, (ids, lost), found in zip(groups, pairs, contacts, strict=True)
+    ]
+
+
+def _pairs(
     model: Any, group: PairGroup, shapes: Shape, count: int
+) -> tuple[tuple[Index, Index, Index], Int[Array, ""] | int]:
+    """Ids of `count` pairs of a group, and how many others are within reach."""
+    ids = group.geom1, group.geom2, group.pair
+    if count == len(group):
+        return ids, 0
+    # The selection of pairs has no derivative.
+    excess = lax.stop_gradient(_distance_bounds(group, shapes) - _reach(model, *ids))
+    chosen, lost = within_reach(excess, count)
+    first, second, pair = (_take_ids(i, chosen) for i in ids)
+    return (first, second, pair), lost
+
+
+def _in_slots(
+    model: Any, group: PairGroup, ids: tuple[Index, ...], lost: Any, contacts: Contacts
 ) -> tuple[_Slots, Int[Array, ""] | int]:
-    """Contacts of `count` pairs of a group, and how many others there might be."""
-    ids, lost = (group.geom1, group.geom2, group.pair), 0
-    if count < len(group):
-        # The selection of pairs has no derivative.
-        excess = lax.stop_gradient(_distance_bounds(group, shapes) - _reach(model, *ids))
-        chosen, lost = within_reach(excess, count)
-        ids = tuple(_take_ids(i, chosen) for i in ids)
-    entry = PAIRS[group.types]
-    contacts = pair_contacts(model, entry.function, group, shapes, ids[:2])
+    """The contacts of pairs as slots, and `lost` with those for which a pair has no slot."""
     if contacts.others is not None:
         others, contacts = contacts.others, contacts.replace(others=None)
         lost = lost + jnp.sum(others < contact_margin(model, *ids)[:, None])
@@ -109,7 +126,7 @@ def _evaluate(
         return spread.reshape(-1, *x.shape[2:])
 
     geometry = jax.tree.map(of_slots, (contacts, frame))
-    return _Slots(*geometry, *(i.repeat(entry.max_contacts) for i in ids)), lost
+    return _Slots(*geometry, *(i.repeat(PAIRS[group.types].max_contacts) for i in ids)), lost
 
 
 def _reach(model: Any, *ids: Index) -> Float[Array, "n"]:
@@ -118,47 +135,17 @@ def _reach(model: Any, *ids: Index) -> Float[Array, "n"]:
     return (contact_reach if adhesive else contact_margin)(model, *ids)
 
 
-def pair_contacts(
-    model: Any,
-    function: Callable[[Shape, Shape], Contacts],
-    group: PairGroup,
-    shapes: Shape,
-    geoms: Sequence[Index],
-) -> Contacts:
-    """The contacts of some pairs of a group."""
-    tables = _tables(model, group, shapes.pos.dtype)
-    pair = zip(tables, geoms, strict=True)
-    rows = [jnp.zeros(len(i), int) if table is None else table.rows(i) for table, i in pair]
-
-    def contacts(*posed: tuple[Shape, Any]) -> Contacts:
-        pair = zip(tables, posed, strict=True)
-        return function(
-            *(
-                shape if table is None else table.complete(shape, row)
-                for table, (shape, row) in pair
-            )
-        )
-
-    return jax.vmap(contacts)(*((_take(shapes, i), r) for i, r in zip(geoms, rows, strict=True)))
-
-
-def _tables(model: Any, group: PairGroup, dtype) -> list[Hulls | Fields | None]:
-    """Tables of hulls or height fields for the first and the second geoms; None for primitives."""
-    first = Fields(model, group.geom1, group.geom2, dtype) if group.types[0] == HFIELD else None
-    sides = zip(group.types, (group.geom1, group.geom2), strict=True)
-    hulls = [Hulls(model, geoms, dtype) if kind == MESH else None for kind, geoms in sides]
-    return [first or hulls[0], hulls[1]]
-
-
 def _distance_bounds(group: PairGroup, shapes: Shape) -> Float[Array, "n"]:
     """Lower bounds on the distances of a group's pairs."""
     bound = functools.partial(distance_bound, group.types)
     first, row = np.unique(group.geom1, return_inverse=True)
     second, column = np.unique(group.geom2, return_inverse=True)
     if len(first) * len(second) > TABLE * len(group):
-        return jax.vmap(bound)(_take(shapes, group.geom1), _take(shapes, group.geom2))
+        return jax.vmap(bound)(take_shapes(shapes, group.geom1), take_shapes(shapes, group.geom2))
     of_first = jax.vmap(bound, in_axes=(None, 0))
-    table = jax.vmap(of_first, in_axes=(0, None))(_take(shapes, first), _take(shapes, second))
+    table = jax.vmap(of_first, in_axes=(0, None))(
+        take_shapes(shapes, first), take_shapes(shapes, second)
+    )
     # XLA would otherwise recompute it for each use.
     table = lax.optimization_barrier(table)
     return gather(table.reshape(-1), row * len(second) + column)
@@ -180,16 +167,10 @@ def _deepest(model: Any, slots: _Slots, count: int) -> tuple[_Slots, Int[Array, 
 def _joined(parts: list[_Slots]) -> _Slots:
     geometry = [(p.contacts, p.frame) for p in parts]
     contacts, frame = jax.tree.map(lambda *x: jnp.concatenate(x), *geometry)
-    return _Slots(contacts, frame, *(_join_ids([getattr(p, n) for p in parts]) for n in _IDS))
+    return _Slots(contacts, frame, *(join_ids([getattr(p, n) for p in parts]) for n in _IDS))
 
 
 _IDS = ("geom1", "geom2", "pair")
-
-
-def _join_ids(ids: list[Int[Array, "_"] | np.ndarray]) -> Index:
-    # Static ids stay static, so that the solver can choose its structure from them.
-    static = all(isinstance(i, np.ndarray) for i in ids)
-    return np.concatenate(ids) if static else jnp.concatenate(ids)
 
 
 def _take_ids(ids: Index, chosen: Int[Array, "k"]) -> Any:
@@ -203,10 +184,6 @@ def _empty(dtype) -> _Slots:
     dist, pos = jnp.zeros(0, dtype), jnp.zeros((0, 3), dtype)
     contacts = Contacts(dist, pos, normal=pos, tangent=pos)
     return _Slots(contacts, contacts.frame, *(np.zeros(0, int) for _ in _IDS))
-
-
-def _take(shapes: Shape, index: Index) -> Shape:
-    return jax.tree.map(lambda x: gather(x, index), shapes)
 
 
 def _fields(record) -> dict[str, Any]:

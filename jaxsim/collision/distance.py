@@ -14,7 +14,7 @@ from jaxsim.collision.candidates import PairGroup
 from jaxsim.collision.contact import ContactKind
 from jaxsim.collision.convex import Box, Cylinder, Ellipsoid, Polytope, Segment, convex_pair
 from jaxsim.collision.convex.round import Point
-from jaxsim.collision.detection import pair_contacts
+from jaxsim.collision.evaluation import pair_contacts
 from jaxsim.collision.shapes import Contacts, Shape
 from jaxsim.collision.table import (
     BOX,

@@ -22,6 +22,7 @@ class HullFaces:
 
     Attributes:
       normal: outward normals of the faces, of any length.
+      offset: scalar products of these with points on the faces.
       face: where the corners of each face start in `ring`, and their number.
       ring: corners around the faces, counterclockwise seen from outside.
       around: numbers of the faces at each corner, ascending; -1 where there are no more.
@@ -30,11 +31,33 @@ class HullFaces:
     """
 
     normal: Float[Array, "h f 3"]
+    offset: Float[Array, "h f"]
     face: Int[Array, "h f 2"]
     ring: Float[Array, "r 3"]
     around: Int[Array, "h v k"]
     before: Int[Array, "h v k"]
     sides: int = struct.field(pytree_node=False)
+
+
+@struct.dataclass
+class HullCells:
+    """Tables of the corners of all hulls that may be the furthest in each cell of directions.
+
+    Attributes:
+      cell: where the numbers of a cell's corners start in `corner`, and how many they are; see
+        `jaxsim.collision.cells`.
+      corner: numbers of corners.
+      most: largest number of corners of a cell.
+    """
+
+    cell: Int[Array, "h c 2"]
+    corner: Int[Array, "r"]
+    most: int = struct.field(pytree_node=False)
+
+    def at(self, row: Int[Array, ""], cell: Int[Array, ""]) -> Int[Array, "n"]:
+        """Numbers of the corners of a cell of a hull; the last is repeated as padding."""
+        start, count = self.cell[row, cell]
+        return self.corner[start + jnp.minimum(jnp.arange(self.most, dtype=jnp.int32), count - 1)]
 
 
 @struct.dataclass
@@ -46,11 +69,15 @@ class Hull:
     Attributes:
       corner: positions of the corners in the shape's axes.
       row: row of this hull in the tables of faces.
+      some: corners that are almost as far in every direction as all; None for all.
+      near: which corners may be the furthest in each cell of directions; None for all.
       faces: tables of faces; None if at most one contact is computed.
     """
 
     corner: Float[Array, "v 3"]
     row: Int[Array, ""]
+    some: Float[Array, "k 3"] | None = None
+    near: HullCells | None = None
     faces: HullFaces | None = None
 
 

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
+from jaxsim.collision.cells import furthest_corners
 from jaxsim.collision.distance import has_hull, measured_geoms
 from jaxsim.model.names import Label
 from jaxsim.model.problems import ModelProblem
@@ -46,11 +47,13 @@ def hull_tables(mj: mujoco.MjModel, label: Label) -> dict[str, np.ndarray]:
 
     Returns:
       `geom_hull` (ngeom,): hull of each geom, -1 for other shapes and geoms that cannot collide.
-      `hull_size` (n, 4): numbers of corners and faces, largest numbers of corners of a face and of
-        faces at a corner; the arrays below are padded to the largest.
+      `hull_size` (n, 5): numbers of corners and faces, largest numbers of corners of a face, of
+        faces at a corner and of corners for a cell of directions; the arrays below are padded to
+        the largest.
       `hull_corner` (n, v, 3): see `jaxsim.collision.Hull`.
       `hull_normal` (n, f, 3), `hull_face` (n, f, 2), `hull_ring` (r, 3), `hull_around` (n, v, k),
         `hull_before` (n, v, k): see `jaxsim.collision.HullFaces`.
+      `hull_cell` (n, cells, 2), `hull_near` (r,): see `jaxsim.collision.Hull`.
     """
     geoms = _geoms(mj)
     meshes, first, row = np.unique(mj.geom_dataid[geoms], return_index=True, return_inverse=True)
@@ -59,13 +62,17 @@ def hull_tables(mj: mujoco.MjModel, label: Label) -> dict[str, np.ndarray]:
     hulls = [
         _hull(mj, int(mesh), int(geom)) for mesh, geom in zip(meshes, geoms[first], strict=True)
     ]
-    size = np.array([h.size for h in hulls], int).reshape(-1, 4)
+    near = [furthest_corners(h.corners) for h in hulls]
+    size = [(*h.size, cell[:, 1].max()) for h, (cell, _) in zip(hulls, near, strict=True)]
+    size = np.array(size, int).reshape(-1, 5)
     _warn_of_many_corners(size, [label("geom", int(geom)) for geom in geoms[first]])
     degree = int(size[:, 3].max(initial=1))
     around = [h.around(degree) for h in hulls]
     offset = np.cumsum([0, *(sum(map(len, h.rings)) for h in hulls)])
     rings = [h.corners[np.concatenate(h.rings)] for h in hulls]
     faces = [h.places + np.array([start, 0]) for h, start in zip(hulls, offset[:-1], strict=True)]
+    offset = np.cumsum([0, *(len(numbers) for _, numbers in near)])
+    cells = [c + np.array([start, 0]) for (c, _), start in zip(near, offset[:-1], strict=True)]
     return {
         "geom_hull": geom_hull,
         "hull_size": size,
@@ -75,6 +82,8 @@ def hull_tables(mj: mujoco.MjModel, label: Label) -> dict[str, np.ndarray]:
         "hull_ring": np.concatenate([np.zeros((0, 3)), *rings]),
         "hull_around": _table([faces for faces, _ in around], (degree,)),
         "hull_before": _table([before for _, before in around], (degree,)),
+        "hull_cell": _table(cells, (2,)),
+        "hull_near": np.concatenate([np.zeros(0, int), *(numbers for _, numbers in near)]),
     }
 
 

@@ -35,7 +35,7 @@ def faces_of(model):
 def test_a_corner_knows_its_faces_and_edges():
     model = jaxsim.load(scene('type="mesh" mesh="cube"'))
     corners, faces = model.hull_corner[0], faces_of(model)
-    assert model.hull_size.tolist() == [[8, 6, 4, 3]]
+    assert model.hull_size.tolist() == [[8, 6, 4, 3, 8]]
     for k, (around, before) in enumerate(
         zip(model.hull_around[0], model.hull_before[0], strict=True)
     ):

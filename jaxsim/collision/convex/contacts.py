@@ -7,8 +7,9 @@ from jax import lax
 
 from jaxsim.collision.convex.faces import face_contacts
 from jaxsim.collision.convex.manifold import Manifold, manifold
-from jaxsim.collision.convex.search import SolidPair, search
+from jaxsim.collision.convex.search import search
 from jaxsim.collision.convex.solid import Solid
+from jaxsim.collision.convex.solid_pair import SolidPair
 from jaxsim.collision.convex.touch import touch
 from jaxsim.collision.frames import tangent_of
 from jaxsim.collision.shapes import INACTIVE, Contacts, Shape

@@ -16,8 +16,8 @@ from jaxtyping import Array, Bool, Float, Int, Shaped
 from jaxsim.batching.primitives.decisions import any_in_batch
 from jaxsim.collision.convex.manifold import Manifold
 from jaxsim.collision.convex.quad import clipped_order, widest_four
-from jaxsim.collision.convex.search import SolidPair
 from jaxsim.collision.convex.solid import Feature
+from jaxsim.collision.convex.solid_pair import SolidPair
 from jaxsim.collision.convex.touch import Touch
 from jaxsim.collision.frames import contact_frame, tangent_of
 from jaxsim.collision.pairs.clipping import overlap_corners

@@ -12,8 +12,8 @@ from flax import struct
 from jax import lax
 from jaxtyping import Array, Bool, Float
 
-from jaxsim.collision.convex.search import SolidPair
 from jaxsim.collision.convex.solid import Facet
+from jaxsim.collision.convex.solid_pair import SolidPair
 from jaxsim.collision.convex.touch import Touch
 from jaxsim.collision.frames import contact_frame, tangent_of
 from jaxsim.collision.pairs.clipping import overlap_corners

@@ -1,9 +1,12 @@
 """Solids with flat faces: boxes and the hulls of meshes."""
 
+import itertools
+
 import jax.numpy as jnp
 import numpy as np
 
-from jaxsim.collision.convex.solid import Facet, Feature, Solid, extent_of
+from jaxsim.collision.cells import cell_of
+from jaxsim.collision.convex.solid import Facet, Feature, Planes, Solid, extent_of
 from jaxsim.collision.shapes import Shape
 from jaxsim.collision.spread import one_hot, pick
 
@@ -18,6 +21,7 @@ _BOX_RINGS = np.array(
         [[1, 1, -1], [-1, 1, -1], [-1, -1, -1], [1, -1, -1]],
     ]
 )
+_CORNERS = np.array(list(itertools.product((-1, 1), repeat=3)))
 
 
 class Box(Solid):
@@ -51,6 +55,14 @@ class Box(Solid):
         square = jnp.asarray(np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]), n.dtype)
         corners = square @ jnp.stack([x, y * side]) + outward[None]
         return Facet(corners * self.size[None], outward, flat=True)
+
+    def planes(self):
+        """See `Solid`."""
+        return None
+
+    def some_corners(self):
+        """See `Solid`."""
+        return jnp.asarray(_CORNERS, self.size.dtype) * self.size[None]
 
     def feature(self, numbers):
         """See `Solid`."""
@@ -96,13 +108,18 @@ class Polytope(Solid):
 
     def support(self, d):
         """See `Solid`."""
-        furthest = one_hot(self.corner @ d)
-        order = jnp.arange(len(furthest), dtype=jnp.int32)
-        return pick(furthest, self.corner), jnp.sum(jnp.where(furthest, order, 0), dtype=jnp.int32)
+        if self.hull.near is None:
+            number = jnp.arange(len(self.corner), dtype=jnp.int32)
+            corner = self.corner
+        else:
+            number = self.hull.near.at(self.hull.row, cell_of(d * self.size))
+            corner = self.corner[number]
+        furthest = one_hot(corner @ d)
+        return pick(furthest, corner), jnp.sum(jnp.where(furthest, number, 0), dtype=jnp.int32)
 
     def point(self, vertex, n):
         """See `Solid`."""
-        return pick(jnp.arange(len(self.corner)) == vertex[1], self.corner)
+        return self.corner[vertex[1]]
 
     @property
     def faces(self):
@@ -113,15 +130,22 @@ class Polytope(Solid):
 
     def facet(self, n):
         """See `Solid`."""
-        normals = self.face_normals()
+        normals = self._unit_normals(self.faces.normal[self.hull.row])
         facing = one_hot(normals @ n)
         number = jnp.sum(jnp.where(facing, jnp.arange(len(normals)), 0))
         clockwise, _ = self.ring(number)
         return Facet(clockwise[::-1], pick(facing, normals), flat=True)
 
-    def face_normals(self):
+    def planes(self):
         """See `Solid`."""
-        return self._unit_normals(self.faces.normal[self.hull.row])
+        normal = self.faces.normal[self.hull.row] / self.size[None]
+        length = jnp.sqrt(jnp.sum(normal**2, axis=1))
+        return Planes(normal / length[:, None], self.faces.offset[self.hull.row] / length)
+
+    def some_corners(self):
+        """See `Solid`."""
+        some = self.hull.corner if self.hull.some is None else self.hull.some
+        return some * self.size[None]
 
     def feature(self, numbers):
         """See `Solid`."""

@@ -26,37 +26,16 @@ from jaxtyping import Array, Float, Int
 
 from jaxsim.batching.primitives.decisions import any_in_batch
 from jaxsim.collision.convex.simplex import closest_with
-from jaxsim.collision.convex.solid import Solid
+from jaxsim.collision.convex.solid_pair import SolidPair, Vertices
+from jaxsim.collision.convex.starts import axis_starts, face_starts
 from jaxsim.collision.frames import direction
 from jaxsim.collision.spread import one_hot, pick
 
 # Distance of q from the surface in each step of the search, in sizes of the smaller solid.
 BEYOND = (0.4,) * 6 + (0.04,) * 6
 # For overlaps deeper than DEEP, in the same unit, the search starts from STARTS more directions,
-# whose cosines with each other are below DIFFERENT: the best normals of each CHUNK of faces, of at
-# most MANY_FACES, and the directions tried at first.
+# whose cosines with each other are below DIFFERENT.
 DEEP, STARTS, DIFFERENT = 0.01, 4, 0.95
-CHUNK, MANY_FACES = 16, 256
-
-
-@struct.dataclass
-class Vertices:
-    """Support points of both solids, in the first one's axes and about its centre.
-
-    Attributes:
-      first: points of the first solid.
-      second: points of the second solid.
-      numbers: numbers of both points, see `Solid.support`.
-    """
-
-    first: Float[Array, "*k 3"]
-    second: Float[Array, "*k 3"]
-    numbers: Int[Array, "*k 2"]
-
-    @property
-    def difference(self) -> Float[Array, "*k 3"]:
-        """Points of the Minkowski difference."""
-        return self.second - self.first
 
 
 @struct.dataclass
@@ -76,36 +55,9 @@ class SearchResult:
     weights: Float[Array, "3"]
 
 
-class SolidPair:
-    """Two solids in the axes of the first.
-
-    Attributes:
-      first, second: the solids.
-      rot: (3, 3) columns are the axes of the second.
-      centre: (3,) centre of the second (m).
-    """
-
-    def __init__(self, first: Solid, second: Solid):
-        self.first, self.second = first, second
-        here, there = first.shape, second.shape
-        self.rot = here.mat.T @ there.mat
-        self.centre = here.mat.T @ (there.pos - here.pos)
-
-    def support(self, n: Float[Array, "3"]) -> Vertices:
-        """Support points of the first solid along n and of the second along -n."""
-        a, number1 = self.first.support(n)
-        b, number2 = self.second.support(-(n @ self.rot))
-        return Vertices(a, self.centre + self.rot @ b, jnp.stack([number1, number2]))
-
-    @property
-    def size(self) -> Float[Array, ""]:
-        """Size of the smaller solid, the length scale of tolerances (m)."""
-        return jnp.minimum(self.first.reach, self.second.reach)
-
-
 def search(solids: SolidPair) -> SearchResult:
     """Find the direction of the largest separation; the result has no derivatives."""
-    guesses = _guesses(solids)
+    guesses = axis_starts(solids)
     values, _ = jax.vmap(lambda n: _separation(solids, n))(guesses)
     found = _climb(solids, pick(one_hot(values), guesses))
     deep = found.separation < -DEEP * solids.size
@@ -118,9 +70,10 @@ def search(solids: SolidPair) -> SearchResult:
 
 def _climb_more(solids: SolidPair, found: SearchResult, guesses, values) -> SearchResult:
     """The best of some more searches from good directions that differ from those before."""
-    parts = [_best_faces(solids, n) for n in _face_normals(solids)]
-    guesses = jnp.concatenate([guesses, *(n for n, _ in parts)])
-    values = jnp.concatenate([values, *(v for _, v in parts)])
+    normals = face_starts(solids)
+    if normals is not None:
+        exact, _ = jax.vmap(lambda n: _separation(solids, n))(normals)
+        guesses, values = jnp.concatenate([guesses, normals]), jnp.concatenate([values, exact])
 
     def attempt(carry, _):
         found, tried = carry
@@ -134,32 +87,6 @@ def _climb_more(solids: SolidPair, found: SearchResult, guesses, values) -> Sear
     return lax.scan(attempt, (found, values > jnp.inf), length=STARTS)[0][0]
 
 
-def _face_normals(solids: SolidPair) -> list[Float[Array, "f 3"]]:
-    """Directions orthogonal to faces of polytopes, from the first to the second."""
-    if not (solids.first.faceted and solids.second.faceted):
-        return []
-    first, second = solids.first.face_normals(), solids.second.face_normals()
-    turned = None if second is None else -(second @ solids.rot.T)
-    return [_some(n) for n in (first, turned) if n is not None]
-
-
-def _some(normals: Float[Array, "f 3"]) -> Float[Array, "g 3"]:
-    number = min(len(normals), MANY_FACES)
-    return normals[np.linspace(0, len(normals) - 1, number).astype(int)]
-
-
-def _best_faces(solids: SolidPair, normals: Float[Array, "f 3"]):
-    """The normal of the largest separation of each chunk, and that separation."""
-    count = -(-len(normals) // CHUNK)
-    chunks = normals[np.arange(count * CHUNK).clip(max=len(normals) - 1)].reshape(-1, CHUNK, 3)
-
-    def best(chunk):
-        values, _ = jax.vmap(lambda n: _separation(solids, n))(chunk)
-        return pick(one_hot(values), chunk), jnp.max(values)
-
-    return lax.map(best, chunks)
-
-
 def _start(solids: SolidPair, n: Float[Array, "3"]) -> SearchResult:
     value, vertex = _separation(solids, n)
     corners = jax.tree.map(lambda x: jnp.stack([x, x, x]), vertex)
@@ -169,19 +96,6 @@ def _start(solids: SolidPair, n: Float[Array, "3"]) -> SearchResult:
 def _separation(solids: SolidPair, n: Float[Array, "3"]) -> tuple[Float[Array, ""], Vertices]:
     vertices = solids.support(n)
     return n @ vertices.difference, vertices
-
-
-def _guesses(solids: SolidPair) -> Float[Array, "16 3"]:
-    """Initial directions: line of centres, axes of both solids and their cross products."""
-    axes1, axes2 = jnp.eye(3, dtype=solids.rot.dtype), solids.rot.T
-    crossed = jnp.cross(axes1[:, None], axes2[None]).reshape(9, 3)
-    line, _ = direction(solids.centre, axes1[2])
-    square = jnp.sum(crossed**2, axis=1)
-    regular = square > 1e-6
-    crossed = crossed / jnp.sqrt(jnp.where(regular, square, 1))[:, None]
-    crossed = jnp.where(regular[:, None], crossed, line[None])
-    guesses = jnp.concatenate([line[None], axes1, axes2, crossed])
-    return jnp.where((guesses @ solids.centre < 0)[:, None], -guesses, guesses)
 
 
 def _climb(solids: SolidPair, n: Float[Array, "3"]) -> SearchResult:

@@ -52,6 +52,19 @@ class Feature:
     along: Bool[Array, "k"]
 
 
+@struct.dataclass
+class Planes:
+    """Planes of the faces of a solid.
+
+    Attributes:
+      normal: outward unit normals.
+      offset: distances from the solid's origin, along the normals.
+    """
+
+    normal: Float[Array, "f 3"]
+    offset: Float[Array, "f"]
+
+
 def extent_of(numbers: Int[Array, "3"]) -> Int[Array, ""]:
     """How many of three numbers are different."""
     one, two, three = numbers
@@ -109,9 +122,13 @@ class Solid:
         """The facet with outward normal closest to n; only for `max_contacts` > 1."""
         raise NotImplementedError
 
-    def face_normals(self) -> Float[Array, "f 3"] | None:
-        """Outward unit normals of the faces; None if there are none or they are the axes."""
-        return None
+    def planes(self) -> Planes | None:
+        """Planes of the faces; None if these are orthogonal to the axes; only if faceted."""
+        raise NotImplementedError
+
+    def some_corners(self) -> Float[Array, "k 3"]:
+        """Corners that are almost as far in every direction as all; only if faceted."""
+        raise NotImplementedError
 
     def feature(self, numbers: Int[Array, "3"]) -> Feature:
         """The feature that three corners define, some of which may be equal; only if faceted."""

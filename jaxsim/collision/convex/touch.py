@@ -18,8 +18,9 @@ from flax import struct
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsim.collision.convex.search import BEYOND, SearchResult, SolidPair, Vertices
+from jaxsim.collision.convex.search import BEYOND, SearchResult
 from jaxsim.collision.convex.simplex import closest_with
+from jaxsim.collision.convex.solid_pair import SolidPair, Vertices
 from jaxsim.collision.frames import direction, unit
 from jaxsim.collision.spread import one_hot
 

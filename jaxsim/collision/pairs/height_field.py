@@ -26,7 +26,7 @@ class Prism(Polytope):
 
     max_contacts = 1
 
-    def face_normals(self):
+    def planes(self):
         """See `Solid`."""
         return None
 

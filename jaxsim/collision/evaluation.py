@@ -1,0 +1,95 @@
+"""Contacts of pairs of geoms: pair functions, applied to arrays of pairs."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Int
+
+from jaxsim.arrays.indexing import Index, gather
+from jaxsim.collision.candidates import PairGroup
+from jaxsim.collision.fields import Fields
+from jaxsim.collision.hulls import Hulls
+from jaxsim.collision.shapes import Contacts, Shape
+from jaxsim.collision.table import HFIELD, MESH, PAIRS
+
+
+def contacts_of_groups(
+    model: Any, groups: Sequence[PairGroup], shapes: Shape, ids: Sequence[tuple[Index, ...]]
+) -> list[Contacts]:
+    """The contacts of some pairs of each group.
+
+    Groups of meshes that differ only in kind are evaluated together, because the programs of these
+    pairs are large.
+    """
+    together: dict[Any, list[int]] = {}
+    for k, group in enumerate(groups):
+        alike = MESH in group.types and HFIELD not in group.types
+        together.setdefault(group.types if alike else k, []).append(k)
+    found = {}
+    for members in together.values():
+        group = _union([groups[k] for k in members])
+        geoms = [join_ids([ids[k][side] for k in members]) for side in range(2)]
+        contacts = pair_contacts(model, PAIRS[group.types].function, group, shapes, geoms)
+        stops = np.cumsum([len(ids[k][0]) for k in members])
+        for k, start, stop in zip(members, [0, *stops], stops, strict=False):
+            found[k] = jax.tree.map(lambda x, a=start, b=stop: x[a:b], contacts)
+    return [found[k] for k in range(len(groups))]
+
+
+def _union(groups: Sequence[PairGroup]) -> PairGroup:
+    """The pairs of several groups, which may be of several kinds."""
+    if len(groups) == 1:
+        return groups[0]
+    ids = (
+        np.concatenate([getattr(g, name) for g in groups]) for name in ("geom1", "geom2", "pair")
+    )
+    return PairGroup(groups[0].types, groups[0].kind, *ids)
+
+
+def pair_contacts(
+    model: Any,
+    function: Callable[[Shape, Shape], Contacts],
+    group: PairGroup,
+    shapes: Shape,
+    geoms: Sequence[Index],
+) -> Contacts:
+    """The contacts of some pairs of a group."""
+    tables = _tables(model, group, shapes.pos.dtype)
+    pair = zip(tables, geoms, strict=True)
+    rows = [jnp.zeros(len(i), int) if table is None else table.rows(i) for table, i in pair]
+
+    def contacts(*posed: tuple[Shape, Any]) -> Contacts:
+        pair = zip(tables, posed, strict=True)
+        return function(
+            *(
+                shape if table is None else table.complete(shape, row)
+                for table, (shape, row) in pair
+            )
+        )
+
+    return jax.vmap(contacts)(
+        *((take_shapes(shapes, i), r) for i, r in zip(geoms, rows, strict=True))
+    )
+
+
+def _tables(model: Any, group: PairGroup, dtype) -> list[Hulls | Fields | None]:
+    """Tables of hulls or height fields for the first and the second geoms; None for primitives."""
+    first = Fields(model, group.geom1, group.geom2, dtype) if group.types[0] == HFIELD else None
+    sides = zip(group.types, (group.geom1, group.geom2), strict=True)
+    hulls = [Hulls(model, geoms, dtype) if kind == MESH else None for kind, geoms in sides]
+    return [first or hulls[0], hulls[1]]
+
+
+def join_ids(ids: list[Int[Array, "_"] | np.ndarray]) -> Index:
+    """One array of several."""
+    # Static ids stay static, so that the solver can choose its structure from them.
+    static = all(isinstance(i, np.ndarray) for i in ids)
+    return np.concatenate(ids) if static else jnp.concatenate(ids)
+
+
+def take_shapes(shapes: Shape, index: Index) -> Shape:
+    """The shapes of some geoms."""
+    return jax.tree.map(lambda x: gather(x, index), shapes)
