@@ -1,9 +1,18 @@
 """Corners of hulls are found by direction: they are the furthest of all corners."""
 
+from types import SimpleNamespace
+
 import jax
+import jax.numpy as jnp
+import mujoco
 import numpy as np
 
+import jaxsim
 from jaxsim.collision.cells import CELLS, FEW, cell_of, furthest_corners
+from jaxsim.collision.convex import Polytope
+from jaxsim.collision.hulls import Hulls
+from jaxsim.collision.shapes import Shape
+from jaxsim.io.hulls import hull_tables
 
 
 def can(corners, radius=0.4):
@@ -40,3 +49,28 @@ def test_small_hulls_have_all_corners_in_every_cell():
     places, numbers = furthest_corners(can(FEW // 2))
     np.testing.assert_array_equal(numbers, np.arange(FEW))
     np.testing.assert_array_equal(places, np.tile([0, FEW], (CELLS, 1)))
+
+
+def test_support_points_are_those_of_all_corners(rng):
+    """Of a mesh with many corners on a flat face, of any scale."""
+    ball = rng.normal(size=(128, 3))
+    ball /= np.linalg.norm(ball, axis=1, keepdims=True)
+    ball[:, 2] = np.minimum(ball[:, 2], 0.8)
+    vertex = " ".join(f"{x:.6f}" for x in ball.ravel())
+    mj = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><asset><mesh name="dome" vertex="{vertex}" scale="1 .3 .5"/></asset><worldbody>
+        <geom type="mesh" mesh="dome"/></worldbody></mujoco>"""
+    )
+    hulls = Hulls(SimpleNamespace(**hull_tables(mj, lambda kind, i: kind)), np.array([0]), float)
+    assert hulls.near is not None
+
+    def support(d, near):
+        size = jnp.asarray(mj.geom_size[0], d.dtype)
+        shape = hulls.complete(Shape(jnp.zeros(3), jnp.eye(3), size), jnp.zeros((), jnp.int32))
+        return Polytope(shape.replace(hull=shape.hull.replace(near=near))).support(d)
+
+    d = directions(rng)
+    found, number = jax.jit(jaxsim.vmap(lambda d: support(d, hulls.near)))(d)
+    furthest, right = jax.jit(jaxsim.vmap(lambda d: support(d, None)))(d)
+    np.testing.assert_array_equal(number, right)
+    np.testing.assert_array_equal(found, furthest)
