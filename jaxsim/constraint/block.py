@@ -6,6 +6,7 @@ from flax import struct
 from jaxtyping import Array, Float
 
 from jaxsim.constraint.entry import Entry
+from jaxsim.constraint.impact import Approach
 from jaxsim.constraint.jacobian import Jacobian
 from jaxsim.solver import Kind
 
@@ -38,6 +39,7 @@ class Block:
         and for contacts, whose record has it.
       weight: mean inverse inertia for each index of the first axis; None for rows without friction.
       entry: what rows do when they become active; None if derivatives do not need it.
+      approach: normal motion of rigid contacts; None for others.
     """
 
     kind: Kind
@@ -47,3 +49,4 @@ class Block:
     violation: Array | None = None
     weight: Float[Array, "n"] | None = None
     entry: Entry | None = None
+    approach: Approach | None = None

@@ -15,10 +15,12 @@ from jaxsim.constraint.block import Block, RowType
 from jaxsim.constraint.contact_rows import ContactRows, contact_rows
 from jaxsim.constraint.conveyor import surface_velocity
 from jaxsim.constraint.entry import Entry, entry
+from jaxsim.constraint.impact import Approach
 from jaxsim.constraint.impedance import response
 from jaxsim.constraint.jacobian import row_velocity
 from jaxsim.constraint.laws import (
     LAWS,
+    RIGID,
     Blur,
     ContactState,
     Material,
@@ -85,7 +87,8 @@ def _block(
     if model.nonzero_rows("geom_surfacevel"):
         velocity = velocity + surface_velocity(motion, contact)[:, : kind.condim]
     state = ContactState(
-        dist=contact.dist,
+        # At the beginning of the step.
+        dist=contact.dist - motion.ahead * velocity[:, 0],
         includemargin=contact.includemargin,
         rounding=_rounding(contact.pos),
         velocity=velocity,
@@ -98,9 +101,17 @@ def _block(
     )
     cost = jax.vmap(lambda c: law(model.opt, c))
     block = Block(cost(state), jacobian, RowType.CONTACT, weight=state.inverse_weight)
+    if model.contact in RIGID:
+        return block.replace(approach=_approach(state))
     if not model.backward.entry_time:
         return block
     return block.replace(entry=_entry(model.opt, state, cost))
+
+
+def _approach(state: ContactState) -> Approach:
+    assert state.material is not None
+    velocity, restitution = state.velocity[:, 0], state.material.restitution
+    return Approach(state.dist, velocity, restitution, state.inverse_weight)
 
 
 def _entry(opt: Option, state: ContactState, cost) -> Entry:

@@ -11,12 +11,13 @@ from jaxtyping import Array, Bool, Float
 from jaxsim.arrays import tuning
 from jaxsim.collision import Contact
 from jaxsim.constraint.backward import check_backward, softened, with_derivative_of
-from jaxsim.constraint.block import Block, RowType
+from jaxsim.constraint.block import Block
 from jaxsim.constraint.compaction import with_compacted_contacts
 from jaxsim.constraint.contact import contact_blocks, contact_forces
 from jaxsim.constraint.entry import entry_acceleration
 from jaxsim.constraint.equality import equality_blocks
 from jaxsim.constraint.friction import friction_blocks
+from jaxsim.constraint.impact import at_targets, impact, impact_displacement
 from jaxsim.constraint.laws import ON_VELOCITIES, RIGID, Blur, check_law
 from jaxsim.constraint.limit import limit_blocks
 from jaxsim.constraint.noslip import PASSES, without_slip
@@ -51,6 +52,7 @@ class Constrained:
       blocks: the rows: equalities, dry friction, limits and contacts.
       forces: forces of the rows of each block.
       status: status of the solver.
+      displacement: what impacts within a time step add to its path; None if the law has none.
     """
 
     qacc: Float[Array, "nv"]
@@ -60,6 +62,7 @@ class Constrained:
     blocks: tuple[Block, ...]
     forces: tuple[Array, ...]
     status: SolverStatus
+    displacement: Float[Array, "nv"] | None = None
 
 
 def constraint_blocks(motion: Motion, contact: Contact, blur: Blur | None = None) -> list[Block]:
@@ -121,13 +124,12 @@ def _solved(
         return _outcome(motion, contact, blocks, operator, y, (), status)
     warm = not model.opt.disabled(_WARMSTART_OFF)
     guess = to_compound_order(model, qacc_warmstart) if warm else None
-    rigid = [i for i, block in enumerate(blocks) if block.type is RowType.CONTACT]
-    if model.contact in RIGID and rigid:
-        y, forces, status = _rigid(model, problem, operator, force, tuple(rigid), guess)
-    else:
-        found = _minimiser(model, operator, force)(problem, guess)
-        y = attach_lifted(found.x, problem, operator, force)
-        forces, status = problem.forces(operator.rows(y)), found.status
+    if any(block.approach is not None for block in blocks):
+        found = _rigid(motion, contact, blocks, operator, force, guess)
+        return _with_nan_unless(found.status.finite, found)
+    found = _minimiser(model, operator, force)(problem, guess)
+    y = attach_lifted(found.x, problem, operator, force)
+    forces, status = problem.forces(operator.rows(y)), found.status
     if model.opt.noslip_iterations:
         minimiser = functools.partial(_minimiser, model, operator, tolerance=0.0)
         y, forces, found = without_slip(blocks, operator, force, y, minimiser)
@@ -171,22 +173,33 @@ def with_entry_times(motion: Motion, found: Constrained, qfrc_smooth: Float[Arra
     )
 
 
-def _rigid(model: Model, problem: Problem, operator: TreeOperator, force, rigid, guess):
-    """The solution in which some blocks have no regularisation, from the slip before the step."""
-    if guess is None:
-        guess = operator.vector(operator.unconstrained(force))
+def _rigid(
+    motion: Motion, contact: Contact, blocks: list[Block], operator: TreeOperator, force, guess
+) -> Constrained:
+    """The solution with rigid contacts, whose impacts are those without contact forces."""
+    model, h = motion.model, motion.model.opt.timestep
+    free = operator.unconstrained(force)
+    impacts = []
+    for i, (block, acceleration) in enumerate(zip(blocks, operator.rows(free), strict=True)):
+        if (approach := block.approach) is not None:
+            found = impact(h, approach, acceleration[:, 0])
+            blocks[i] = block.replace(kind=at_targets(h, block.kind, approach, found))
+            impacts.append((i, approach, found))
+    problem, rigid = Problem(tuple(b.kind for b in blocks)), tuple(i for i, *_ in impacts)
     found = solve_rigid(
         problem,
         operator,
         rigid,
         _minimiser(model, operator, force, tolerance=0.0),
-        guess,
+        operator.vector(free) if guess is None else guess,
         first_shifts(problem, rigid),
         passes=PASSES,
         tolerance=rigid_tolerance(force.dtype),
     )
     y, forces = attach_rigid(found, problem, operator, force, rigid)
-    return y, forces, found.whole_status()
+    moved = impact_displacement(h, impacts, forces, operator)
+    outcome = _outcome(motion, contact, blocks, operator, y, forces, found.whole_status())
+    return outcome.replace(displacement=from_compound_order(model, moved))
 
 
 def _with_damping(motion: Motion, operator: TreeOperator) -> TreeOperator:

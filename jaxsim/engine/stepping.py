@@ -85,7 +85,7 @@ def whole_step(model: Model, state: State, ctrl: Float[Array, "nu"] | None = Non
 @as_a_whole
 def _step(model: Model, state: State, ctrl: Float[Array, "nu"] | None) -> Step:
     integrate = INTEGRATORS[model.opt.integrator]
-    found = integrate(model, state, lambda state: _evaluate_for_step(model, state, ctrl))
+    found = integrate(model, state, functools.partial(_evaluate_for_step, model, ctrl))
     after = found.after
     numbers = jnp.concatenate([after.qpos, after.qvel, after.act])
     return found.replace(
@@ -95,16 +95,33 @@ def _step(model: Model, state: State, ctrl: Float[Array, "nu"] | None) -> Step:
     )
 
 
-def _evaluate_for_step(model: Model, state: State, ctrl: Float[Array, "nu"] | None) -> Instant:
-    now = evaluate(model, state, ctrl)
+def _evaluate_for_step(
+    model: Model,
+    ctrl: Float[Array, "nu"] | None,
+    state: State,
+    ahead: Float[Array, ""] | float = 0.0,
+) -> Instant:
+    now = evaluate(model, state, ctrl, ahead)
     if not model.backward.entry_time:
         return now
     return now.replace(constrained=with_entry_times(now.motion, now.constrained, now.qfrc_smooth))
 
 
-def evaluate(model: Model, state: State, ctrl: Float[Array, "nu"] | None) -> Instant:
-    """Forces, contacts and accelerations of a state."""
-    motion = motion_of(model, state)
+def evaluate(
+    model: Model,
+    state: State,
+    ctrl: Float[Array, "nu"] | None,
+    ahead: Float[Array, ""] | float = 0.0,
+) -> Instant:
+    """Forces, contacts and accelerations of a state.
+
+    Args:
+      model: the model.
+      state: the state.
+      ctrl: controls; None means zeros.
+      ahead: time by which the positions of the state are ahead of its velocities (s).
+    """
+    motion = motion_of(model, state, ahead)
     kin, vel = motion.kin, motion.vel
     bias, own_bias = bias_forces(model, kin, vel)
     touching = contacts(motion)

@@ -6,7 +6,8 @@ which leaves a force at a distance. Friction is smooth,
     f_t = -mu f_n v_t / sqrt(v_s^2 + |v_t|^2),    v_t the velocity after the step
 
 (Kurtz and others 2023, "Inverse dynamics trajectory optimization for contact-implicit model
-predictive control"). There is no cost with these forces, so the solver has no use for them.
+predictive control"). There is no cost with these forces, so the solver has no use for them. The
+options of `jaxsim.gradients.Backward` are another thing: they soften the derivatives of solves.
 """
 
 from collections.abc import Callable

@@ -4,8 +4,9 @@ import jax.numpy as jnp
 import mujoco
 from jaxtyping import Array, Float
 
-from jaxsim.constraint.laws import ON_VELOCITIES
+from jaxsim.constraint.laws import ON_VELOCITIES, RIGID
 from jaxsim.engine.instant import Instant
+from jaxsim.engine.integrators import ballistic
 from jaxsim.engine.integrators.advance import semi_implicit
 from jaxsim.engine.integrators.damped import solve_damped
 from jaxsim.engine.integrators.integrator import Evaluate, Step
@@ -20,8 +21,11 @@ _DAMPER = mujoco.mjtDisableBit.mjDSBL_DAMPER
 def integrate(model: Model, state: State, evaluate: Evaluate) -> Step:
     """Semi-implicit Euler step with the acceleration of `(M + h D) qacc = force`.
 
-    The disable flags `eulerdamp` and `damper` turn the implicit damping off.
+    The disable flags `eulerdamp` and `damper` turn the implicit damping off. With rigid contacts
+    positions advance as in `ballistic`.
     """
+    if model.contact in RIGID:
+        return ballistic.integrate(model, state, evaluate)
     now = evaluate(state)
     # Laws on velocities have the damping in their problem already.
     if not damps_implicitly(model) or model.contact in ON_VELOCITIES:

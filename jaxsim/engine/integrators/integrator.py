@@ -1,6 +1,5 @@
 """`Integrator`: the interface of integrators, and `Step`, their result."""
 
-from collections.abc import Callable
 from typing import Protocol
 
 from flax import struct
@@ -10,8 +9,13 @@ from jaxsim.engine.instant import Instant
 from jaxsim.engine.status import Status
 from jaxsim.model import Model, State
 
-Evaluate = Callable[[State], Instant]
-"""Forces and accelerations of a state, under the controls of the step."""
+
+class Evaluate(Protocol):
+    """Forces and accelerations of a state, under the controls of the step."""
+
+    def __call__(self, state: State, ahead: Float[Array, ""] | float = 0.0) -> Instant:
+        """At a state whose positions may be ahead of its velocities by some time."""
+        ...
 
 
 @struct.dataclass

@@ -1,0 +1,126 @@
+"""Hard contact of rigid bodies: rolling, grasping, coming to rest, motion without contact."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from oracle import quick_jit
+
+import jaxsim
+
+G = 9.81
+
+
+@pytest.fixture(autouse=True)
+def float64(x64):
+    """Laws are exact, or nearly."""
+
+
+def rollout(model, state, steps, ctrl=()):
+    """Final state, trajectory and status under constant controls."""
+    ctrls = jnp.broadcast_to(jnp.asarray(ctrl, float), (steps, model.nu))
+    return quick_jit(lambda s: jaxsim.rollout(model, s, ctrls, status=True))(state)
+
+
+BALL = """<mujoco><worldbody><geom type="plane" size="0 0 1" friction=".5"/>
+  <body pos="0 0 .05"><freejoint/><geom size=".05" friction=".5"/></body></worldbody></mujoco>"""
+
+
+def test_a_ball_rolls_and_slips_as_it_should():
+    """Down a slope it gains 5/7 g sin(angle); thrown flat, it slips down to 5/7 of its speed."""
+    model = jaxsim.load(BALL, contact="hard")
+
+    @quick_jit
+    def final(h, gravity, speed, steps):
+        changed = model.replace(opt=model.opt.replace(timestep=h, gravity=gravity))
+        start = jaxsim.make_state(model)
+        start = start.replace(qvel=start.qvel.at[0].set(speed))
+        step = lambda _, state: jaxsim.step(changed, state)  # noqa: E731
+        return jax.lax.fori_loop(0, steps, step, start)
+
+    angle = np.radians(15)
+    tilted = jnp.array([G * np.sin(angle), 0, -G * np.cos(angle)])
+    rolled = final(jnp.asarray(0.01), tilted, jnp.zeros(()), 100)
+    np.testing.assert_allclose(rolled.qvel[0], 5 / 7 * G * np.sin(angle), atol=1e-6)
+    np.testing.assert_allclose(rolled.qvel[4], rolled.qvel[0] / 0.05, rtol=1e-8)
+    level, speed = jnp.array([0, 0, -G]), 2.0
+    slips = 2 * speed / (7 * 0.5 * G)
+    x = speed * slips - 0.25 * G * slips**2 + 5 / 7 * speed * (0.4 - slips)
+    for h in (0.02, 0.01, 0.005):
+        thrown = final(jnp.asarray(h), level, jnp.asarray(speed), round(0.4 / h))
+        np.testing.assert_allclose(thrown.qvel[0], 5 / 7 * speed, atol=1e-9)
+        # Second order: only the step in which slipping ends is not exact.
+        np.testing.assert_allclose(thrown.qpos[0], x, atol=0.5 * G * h * h / 2)
+
+
+PENDULUM = """<mujoco><option timestep=".01"/><worldbody><body>
+  <joint axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 -1" size=".05"/></body></worldbody>
+  </mujoco>"""
+
+
+@pytest.mark.slow
+def test_without_contact_the_energy_of_a_pendulum_does_not_drift():
+    """And its error after a swing is of second order in the time step."""
+    model = jaxsim.load(PENDULUM, contact="hard")
+    start = jaxsim.make_state(model).replace(qpos=jnp.array([2.0]))
+
+    @quick_jit
+    def run(h):
+        changed = model.replace(opt=model.opt.replace(timestep=h))
+        step = lambda state, _: (jaxsim.step(changed, state), state)  # noqa: E731
+        return jax.lax.scan(step, start, None, length=800)[1]
+
+    coarse, fine = run(jnp.asarray(0.01)), run(jnp.asarray(0.005))
+    finest = run(jnp.asarray(0.0025))
+    errors = [
+        np.abs(s.qpos[n] - finest.qpos[4 * 150]).max() for s, n in ((coarse, 150), (fine, 300))
+    ]
+    # The reference errs by a sixteenth of the first: (1 - 1/16) / (1/4 - 1/16) = 5.
+    np.testing.assert_allclose(errors[0] / errors[1], 5, rtol=0.1)
+    inertia = float(jaxsim.mass_matrix(model, start.qpos)[0, 0])
+    weight = float(model.body_mass[1]) * G * 0.5
+    energy = 0.5 * inertia * coarse.qvel[:, 0] ** 2 - weight * np.cos(coarse.qpos[:, 0])
+    swing = np.ptp(energy[:200])
+    assert np.ptp(energy) < 1.05 * swing
+
+
+BOX = """<mujoco><option timestep="{}"/><worldbody>
+  <geom type="plane" size="0 0 1" friction=".5" margin=".5"/>
+  <body pos="0 0 1"><freejoint/><geom type="box" size=".25 .25 .25" friction=".5" contype="0"/>
+  </body></worldbody></mujoco>"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("h", [0.05, 0.01, 0.005])
+def test_a_box_that_is_thrown_comes_to_rest_on_the_ground(h):
+    model = jaxsim.load(BOX.format(h), contact="hard")
+    state = jaxsim.make_state(model)
+    turn = np.array([1, 0.2, 0.3, 0.1])
+    state = state.replace(
+        qpos=state.qpos.at[3:].set(turn / np.linalg.norm(turn)),
+        qvel=jnp.array([2.0, 1, 0, 1, 2, 3]),
+    )
+    final, path, _ = rollout(model, state, round(3 / h) + 200)
+    np.testing.assert_allclose(final.qvel, 0, atol=1e-8)
+    np.testing.assert_allclose(final.qpos[2], 0.25, atol=1e-3)
+    assert path.qpos[:, 2].max() < 1.01
+
+
+PAD = """<body pos="{0} 0 0"><joint name="{1}" type="slide" axis="{2} 0 0"/>
+  <geom type="box" size=".01 .02 .02" mass=".1" conaffinity="0"/></body>"""
+GRASP = f"""<mujoco><option timestep=".002"/><default><geom margin=".002" friction=".7"/></default>
+  <worldbody>{PAD.format(-0.03, "left", 1)}{PAD.format(0.03, "right", -1)}<body><freejoint/>
+    <geom type="capsule" size=".02 .02" mass=".045" contype="0"/></body></worldbody>
+  <actuator><motor joint="left"/><motor joint="right"/></actuator></mujoco>"""
+
+
+@pytest.mark.slow
+def test_a_grasp_does_not_creep():
+    """A capsule of 45 g between two pads: the soft law loses some micrometres every second."""
+    model = jaxsim.load(GRASP, contact="hard")
+    _, path, status = rollout(model, jaxsim.make_state(model), 500, 0.045 * G / 0.7)
+    # Four contacts carry what two could, so passes end in rounding, not below their tolerance.
+    assert status.rigid_residual < 1e-5
+    # Less than 0.01 micrometres per second.
+    assert np.abs(path.qpos[-1, 4] - path.qpos[249, 4]) / 0.5 < 1e-8
+    assert np.abs(path.qvel[-1]).max() < 1e-8
