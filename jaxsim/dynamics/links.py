@@ -12,6 +12,7 @@ from flax import struct
 from jaxtyping import Array, Float
 
 from jaxsim.arrays.indexing import sum_by, take
+from jaxsim.arrays.norms import norm_and_divisor
 from jaxsim.dynamics.tree import outward
 from jaxsim.joints import JOINTS
 from jaxsim.model import Model
@@ -43,11 +44,16 @@ def link_parameters(model: Model) -> Links:
     joints = model.tree.order
     return Links(
         offset=_offsets(model, body),
-        axis=take(model.jnt_axis, joints),
+        axis=jax.vmap(_normalized)(take(model.jnt_axis, joints)),
         anchor=take(model.jnt_pos, joints),
         inertia=_merged_inertia(model, body),
         body=body,
     )
+
+
+def _normalized(axis: Float[Array, "3"]) -> Float[Array, "3"]:
+    """The direction of an axis, so that its derivative is one of unit vectors."""
+    return axis / norm_and_divisor(axis)[1]
 
 
 def _poses_on_carrier(model: Model) -> Pose:
