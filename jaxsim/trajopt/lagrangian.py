@@ -6,9 +6,11 @@ with c the missing forces and g what controls are beyond their limits (Hestenes 
 Minimised over the path, and with `lambda + rho c` as the next multipliers, c goes to zero.
 """
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from flax import struct
+from jax import lax
 from jaxtyping import Array, Float
 
 from jaxsim.constraint.laws import Blur
@@ -16,6 +18,9 @@ from jaxsim.model import Model
 from jaxsim.trajopt.banded import Pentadiagonal, assemble, assemble_vector
 from jaxsim.trajopt.problem import Problem
 from jaxsim.trajopt.three_point import Path, cost_expansion, gap_slopes, states_of
+
+# Sets of limits that a step tries; two or three are usual.
+_ACTIVE_SETS = 10
 
 
 @struct.dataclass
@@ -41,9 +46,14 @@ class Multipliers:
 
     def pushes(self, problem: Problem, ctrls: Float[Array, "T nu"]) -> tuple[Array, Array]:
         """`max(0, mu + rho g)` of the upper and of the lower limits."""
+        above, below = self.bounds(problem, ctrls)
+        return jnp.maximum(above, 0), jnp.maximum(below, 0)
+
+    def bounds(self, problem: Problem, ctrls: Float[Array, "T nu"]) -> tuple[Array, Array]:
+        """`mu + rho g` of the upper and of the lower limits, positive where they act."""
         above = self.above + self.penalty * (ctrls - problem.high[None])
         below = self.below + self.penalty * (problem.low[None] - ctrls)
-        return jnp.maximum(above, 0), jnp.maximum(below, 0)
+        return above, below
 
 
 def excess(problem: Problem, ctrls: Float[Array, "T nu"]) -> Float[Array, ""]:
@@ -67,22 +77,55 @@ class Expansion:
     """A path's Lagrangian to second order, and its missing forces to first.
 
     Attributes:
-      gradient: of L by moves of q_1 ... q_T and u_0 ... u_{T-1}.
-      hessian: of L, Gauss-Newton.
+      gradient: of L without limits, by moves of q_1 ... q_T and u_0 ... u_{T-1}.
+      hessian: of L without limits, Gauss-Newton.
+      above: `mu + rho g` of the upper limits.
+      below: the same of the lower limits.
+      penalty: rho.
       missing: c.
       slopes: of c_t by moves of q_{t-1}, q_t and q_{t+1} and by u_t.
     """
 
     gradient: Float[Array, "T nv+nu"]
     hessian: Pentadiagonal
+    above: Float[Array, "T nu"]
+    below: Float[Array, "T nu"]
+    penalty: Float[Array, ""]
     missing: Float[Array, "T nv"]
     slopes: Float[Array, "T nv 3*nv+nu"]
 
     def step(self, damping: Float[Array, ""]) -> Float[Array, "T nv+nu"]:
-        """The minimiser of the expansion plus `1/2 damping |step|^2`."""
-        eye = jnp.eye(self.gradient.shape[1], dtype=self.gradient.dtype)
-        damped = self.hessian._replace(diagonal=self.hessian.diagonal + damping * eye[None])
-        return -damped.solve(self.gradient)
+        """The minimiser of the expansion plus `1/2 damping |step|^2`.
+
+        Limits act or not: which of them do at the minimiser is found by trying those that act at
+        the last one (primal-dual active sets; Hintermueller, Ito, Kunisch 2003).
+        """
+        nv, rho = self.missing.shape[1], self.penalty
+
+        def acting(step):
+            change = rho * step[:, nv:]
+            return self.above + change > 0, self.below - change > 0
+
+        def again(state):
+            step, (up, down), _, count = state
+            step = self._step_with(damping, up, down)
+            sets = acting(step)
+            changed = jnp.any(sets[0] != up) | jnp.any(sets[1] != down)
+            return step, sets, changed, count + 1
+
+        none = jnp.zeros_like(self.gradient)
+        start = none, acting(none), jnp.ones((), bool), 0
+        return lax.while_loop(lambda s: s[2] & (s[3] < _ACTIVE_SETS), again, start)[0]
+
+    def _step_with(self, damping, up: Array, down: Array) -> Float[Array, "T nv+nu"]:
+        """The same if it is known which upper and lower limits act."""
+        nv = self.missing.shape[1]
+        push = jnp.where(up, self.above, 0) - jnp.where(down, self.below, 0)
+        held = jnp.where(up | down, self.penalty, 0)
+        stiffness = damping + jnp.pad(held, ((0, 0), (nv, 0)))
+        diagonal = self.hessian.diagonal + jax.vmap(jnp.diag)(stiffness)
+        held_at = self.hessian._replace(diagonal=diagonal)
+        return -held_at.solve(self.gradient.at[:, nv:].add(push))
 
     def missing_after(self, step: Float[Array, "T nv+nu"]) -> Float[Array, "T nv"]:
         """The missing forces to first order."""
@@ -98,19 +141,18 @@ def expand_lagrangian(
     """The expansion at a path; a cost counts as flat where it is concave."""
     nv, nu, rho = model.nv, model.nu, multipliers.penalty
     c, J = gap_slopes(model, problem, path, blur)
-    above, below = multipliers.pushes(problem, path.ctrls)
     # Local unknowns: moves of q_{t-1}, q_t and q_{t+1}, and u_t.
-    ctrl, cost = np.arange(3 * nv, 3 * nv + nu), np.r_[0 : 2 * nv, 3 * nv : 3 * nv + nu]
+    cost = np.r_[0 : 2 * nv, 3 * nv : 3 * nv + nu]
     g, H, g_final, H_final = cost_expansion(model, problem, path)
     gradient = jnp.einsum("tci,tc->ti", J, multipliers.missing + rho * c)
-    gradient = gradient.at[:, cost].add(g).at[:, ctrl].add(above - below)
+    gradient = gradient.at[:, cost].add(g)
     hessian = rho * jnp.einsum("tci,tcj->tij", J, J)
-    held = jnp.where((above > 0) | (below > 0), rho, 0)
-    hessian = hessian.at[:, cost[:, None], cost].add(H).at[:, ctrl, ctrl].add(held)
+    hessian = hessian.at[:, cost[:, None], cost].add(H)
     last = 2 * nv
     g_all = jnp.pad(gradient, ((0, 1), (0, 0))).at[-1, :last].set(g_final)
     H_all = jnp.pad(hessian, ((0, 1), (0, 0), (0, 0))).at[-1, :last, :last].set(H_final)
-    return Expansion(*_in_blocks(nv, nu, g_all, H_all), c, J)
+    limits = multipliers.bounds(problem, path.ctrls)
+    return Expansion(*_in_blocks(nv, nu, g_all, H_all), *limits, rho, c, J)
 
 
 def _in_blocks(nv: int, nu: int, gradient: Array, hessian: Array) -> tuple[Array, Pentadiagonal]:
