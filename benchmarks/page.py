@@ -215,6 +215,15 @@ SECTIONS = (
         plain(*"case,dt,method,value,its truth,derivative,truth,spread,wrong sign %".split(",")),
     ),
     Section(
+        "contact",
+        "Laws of contact",
+        "Errors (m) of a mass that slides to rest, is lifted by that, slides down a slope, and its "
+        "speed when it is pushed with half of what friction holds, in float64. Below, "
+        "steps per second of a batch on one thread in float32, from states in contact and without "
+        "a warm start. See docs/contact.md.",
+        lambda record: "\n\n".join(table_markdown(record[key]) for key in ("errors", "rows")),
+    ),
+    Section(
         "trajopt",
         "Trajectory optimisation",
         "Swing-ups from the same small random controls. To 10 %: iterations until the cost is "
