@@ -45,6 +45,8 @@ Minimise = Callable[[Problem, Float[Array, "nv"]], Solution]
 Shifts = tuple[Array, ...]
 """`sqrt(D) (R f - s n)` of each rigid block, in the shape of its `aref`."""
 
+# Within so many tolerances, a pass that does not lower the residual has met rounding: it is done.
+_ROUNDING = 18.0
 # Relative residual of the tangents' equation at which their passes end, in units of rounding.
 _TANGENT_ROUNDING = 50.0
 _TANGENT_PASSES = 300
@@ -59,7 +61,7 @@ class RigidSolution(NamedTuple):
         status: Status of the last pass, with the iterations and linear solves of all passes.
         passes: Number of passes.
         residual: Change of the forces by one more pass, relative to the largest force.
-        converged: Whether the residual is below the tolerance.
+        converged: Whether the residual is below the tolerance, or as small as rounding allows.
     """
 
     x: Float[Array, "nv"]
@@ -166,7 +168,10 @@ def solve_rigid(
             iterations=last.status.iterations + found.status.iterations,
             linear=last.status.linear.then(found.status.linear),
         )
-        passes, done = last.passes + 1, residual <= tolerance
+        stalled = (
+            (last.passes > 0) & (residual >= last.residual) & (residual < _ROUNDING * tolerance)
+        )
+        passes, done = last.passes + 1, (residual <= tolerance) | stalled
         return RigidSolution(found.x, after, status, passes, residual, done), memory, u
 
     def unfinished(state):
