@@ -86,9 +86,11 @@ def _block(
     velocity = row_velocity(motion, jacobian)
     if model.nonzero_rows("geom_surfacevel"):
         velocity = velocity + surface_velocity(motion, contact)[:, : kind.condim]
+    dist = contact.dist
+    if motion.ahead is not None:  # at the beginning of the step
+        dist = dist - motion.ahead * velocity[:, 0]
     state = ContactState(
-        # At the beginning of the step.
-        dist=contact.dist - motion.ahead * velocity[:, 0],
+        dist=dist,
         includemargin=contact.includemargin,
         rounding=_rounding(contact.pos),
         velocity=velocity,

@@ -19,7 +19,7 @@ class Motion:
       qvel: velocities.
       kin: poses, motion axes and inertias of the links.
       vel: twists of the links, and their accelerations without `qacc`.
-      ahead: time by which the position is later than the velocity (s).
+      ahead: time by which the position is later than the velocity (s); None for the same time.
     """
 
     model: Model
@@ -27,14 +27,14 @@ class Motion:
     qvel: Float[Array, "nv"]
     kin: Kinematics
     vel: Velocities
-    ahead: Float[Array, ""] | float = 0.0
+    ahead: Float[Array, ""] | None = None
 
     def link_origins(self) -> Float[Array, "njnt 3"]:
         """The reference point of each link's tree."""
         return take(self.kin.origin, self.model.tree.root)
 
 
-def motion_of(model: Model, state: State, ahead: Float[Array, ""] | float = 0.0) -> Motion:
+def motion_of(model: Model, state: State, ahead: Float[Array, ""] | None = None) -> Motion:
     """The motion of a model in a state, whose position may be ahead of its velocity in time."""
     kin = kinematics(model, state.qpos, state.mocap_pos, state.mocap_quat)
     return Motion(model, state.qpos, state.qvel, kin, velocities(model, kin, state.qvel), ahead)

@@ -99,7 +99,7 @@ def _evaluate_for_step(
     model: Model,
     ctrl: Float[Array, "nu"] | None,
     state: State,
-    ahead: Float[Array, ""] | float = 0.0,
+    ahead: Float[Array, ""] | None = None,
 ) -> Instant:
     now = evaluate(model, state, ctrl, ahead)
     if not model.backward.entry_time:
@@ -111,7 +111,7 @@ def evaluate(
     model: Model,
     state: State,
     ctrl: Float[Array, "nu"] | None,
-    ahead: Float[Array, ""] | float = 0.0,
+    ahead: Float[Array, ""] | None = None,
 ) -> Instant:
     """Forces, contacts and accelerations of a state.
 
@@ -119,7 +119,7 @@ def evaluate(
       model: the model.
       state: the state.
       ctrl: controls; None means zeros.
-      ahead: time by which the positions of the state are ahead of its velocities (s).
+      ahead: time by which positions are ahead of velocities (s); None for none.
     """
     motion = motion_of(model, state, ahead)
     kin, vel = motion.kin, motion.vel

@@ -13,7 +13,7 @@ from jaxsim.model import Model, State
 class Evaluate(Protocol):
     """Forces and accelerations of a state, under the controls of the step."""
 
-    def __call__(self, state: State, ahead: Float[Array, ""] | float = 0.0) -> Instant:
+    def __call__(self, state: State, ahead: Float[Array, ""] | None = None) -> Instant:
         """At a state whose positions may be ahead of its velocities by some time."""
         ...
 
