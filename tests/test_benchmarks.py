@@ -114,18 +114,32 @@ def test_a_soak_asks_mujoco_about_what_diverged(common):
     assert (count.diverged, count.alone) == (2, 1)
 
 
-def test_rows_of_a_gpu_are_measured(gpu):
-    """Each kind in tiny sizes, as `gpu.py --cpu` has them, but in this process."""
+def test_a_rate_on_a_gpu_is_measured(gpu):
+    """In tiny sizes, as `gpu.py --cpu` has them, but in this process."""
     import gpu_worker
 
+    row = _tiny_rows(gpu)["rate"]
+    assert gpu_worker.rate(row, prepare=True)["compile s"] > 0
+    assert gpu_worker.rate(row, prepare=False)["steps/s"] > 0
+
+
+@pytest.mark.slow
+def test_other_rows_of_a_gpu_are_measured(gpu):
+    import gpu_worker
+
+    rows = _tiny_rows(gpu)
+    errors = gpu_worker.check(rows["check"], prepare=False)
+    assert max(errors["qacc error"], errors["gradient error"]) < 1e-4
+    for kind in ("gradient", "train"):
+        assert getattr(gpu_worker, kind)(rows[kind], prepare=False)["steps/s"] > 0
+
+
+def _tiny_rows(gpu):
+    """One of our own engine's for each kind."""
     jobs = [j for j in gpu._tiny_jobs(gpu._options(["--cpu"])) if j["engine"][0] != "m"]
     rows = {j["kind"]: j | {"batch": j["batch"][0]} for j in jobs}
     assert set(rows) == {"check", "rate", "gradient", "train"}
-    errors = gpu_worker.check(rows["check"], prepare=False)
-    assert max(errors["qacc error"], errors["gradient error"]) < 1e-4
-    assert gpu_worker.rate(rows["rate"], prepare=True)["compile s"] > 0
-    for kind in ("rate", "gradient", "train"):
-        assert getattr(gpu_worker, kind)(rows[kind], prepare=False)["steps/s"] > 0
+    return rows
 
 
 def test_a_row_of_a_gpu_that_fails_says_why_and_stops_no_other(gpu, monkeypatch, capsys):

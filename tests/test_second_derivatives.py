@@ -72,7 +72,7 @@ def assert_close(found, expected, tolerance: float) -> None:
     ("advance", "integrator"),
     [
         pytest.param(scan, "Euler", id="scan"),
-        pytest.param(jaxsim.step, "RK4", id="RK4"),
+        pytest.param(jaxsim.step, "RK4", id="RK4", marks=pytest.mark.slow),
         pytest.param(rollout, "Euler", id="rollout", marks=pytest.mark.slow),
         pytest.param(rollout, "implicitfast", id="implicitfast", marks=pytest.mark.slow),
     ],

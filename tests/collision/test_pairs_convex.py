@@ -14,7 +14,11 @@ from jaxsim.collision.table import type_name
 
 N = 200
 # A curved, a capped, a flat and a straight solid, each in some pair.
-DERIVED = [("capsule", "ellipsoid"), ("cylinder", "box"), ("mesh", "mesh")]
+DERIVED = [
+    ("capsule", "ellipsoid"),
+    pytest.param(("cylinder", "box"), marks=pytest.mark.slow),
+    ("mesh", "mesh"),
+]
 
 
 def support(name, size, hull, d):

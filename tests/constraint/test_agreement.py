@@ -72,7 +72,7 @@ def test_bundled_models(name, cone, bundled):
 
 
 @pytest.mark.parametrize(
-    "seed", [pytest.param(s, marks=() if s < 4 else pytest.mark.slow) for s in range(100)]
+    "seed", [pytest.param(s, marks=() if s < 2 else pytest.mark.slow) for s in range(100)]
 )
 def test_random_models(seed):
     mj = converging(

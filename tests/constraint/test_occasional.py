@@ -93,7 +93,10 @@ def test_each_as_alone(vmap, hessian, chosen):
 
 
 @pytest.mark.usefixtures("x64")
-@pytest.mark.parametrize(("cone", "condim"), [("pyramidal", 3), ("elliptic", 4), ("elliptic", 1)])
+@pytest.mark.parametrize(
+    ("cone", "condim"),
+    [("pyramidal", 3), pytest.param("elliptic", 4, marks=pytest.mark.slow), ("elliptic", 1)],
+)
 def test_strategies_agree(cone, condim):
     models = [load(hessian, cone, condim) for hessian in ("dense", "iterative")]
     dense, iterative = (

@@ -123,7 +123,11 @@ def _by_strategy(model, datas, strategies):
 
 @pytest.mark.parametrize(
     ("name", "cone", "iterations"),
-    [("quadruped", "pyramidal", 1), ("humanoid", "elliptic", 1), ("quadruped", "elliptic", 2)],
+    [
+        ("quadruped", "pyramidal", 1),
+        pytest.param("humanoid", "elliptic", 1, marks=pytest.mark.slow),
+        ("quadruped", "elliptic", 2),
+    ],
 )
 def test_few_steps_end_where_mujocos_do(name, cone, iterations):
     """Warm starts, and line searches that are cut short, do not only lead to the same minimum."""

@@ -63,7 +63,9 @@ def test_all_are_covered():
     assert set(VALUES) == set(OPTIONAL_FORCES)
 
 
-@pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
+@pytest.mark.parametrize(
+    "integrator", ["Euler", pytest.param("implicitfast", marks=pytest.mark.slow)]
+)
 def test_each_takes_effect_and_has_a_derivative(integrator, x64):
     """Value against MuJoCo, derivative along the change against central differences."""
     # MuJoCo looks at some of them only where they were there when it compiled.
