@@ -15,6 +15,7 @@ from jax.extend import core as jex
 from jax.interpreters import ad, batching, mlir
 
 from jaxsim.arrays import tuning
+from jaxsim.arrays.memo import is_traced
 from jaxsim.batching import forms, jaxprs, registry
 from jaxsim.batching.interpret import Lanes
 from jaxsim.batching.primitives.jvp_rule import moving_leaves
@@ -25,12 +26,11 @@ def as_kernel(f: Callable) -> Callable:
 
     It means what `f` means, under `jit`, `vmap` and derivatives. It pays for functions of some
     hundred operations and more; the machine code stays until the process ends. Where its program is
-    larger than `tuning.KERNEL_SCALARS`, or draws random numbers, the call stands for its equations,
-    which XLA compiles.
+    larger than `tuning.KERNEL_SCALARS`, draws random numbers, or has numbers of a model that is
+    being traced, the call stands for its equations, which XLA compiles.
 
     Args:
-      f: a function of pytrees of arrays, written for one element. It may close over arrays, but
-        over no values that are being traced.
+      f: a function of pytrees of arrays, written for one element.
     """
 
     @functools.wraps(f)
@@ -39,14 +39,19 @@ def as_kernel(f: Callable) -> Callable:
         kinds = [jaxprs.element(x, None) for x in leaves]
         flat = lambda *xs: f(*jax.tree.unflatten(tree, xs))  # noqa: E731
         traced, shapes = jax.make_jaxpr(flat, return_shape=True)(*kinds)
-        eqns = traced.jaxpr.eqns
-        if jaxprs.num_scalars(eqns) > tuning.KERNEL_SCALARS or jaxprs.has_keys(eqns):
+        if not _fits(traced):
             results = _evaluate(*leaves, program=traced)
         else:
             results = _bind(traced, leaves)
         return jax.tree.unflatten(jax.tree.structure(shapes), results)
 
     return call
+
+
+def _fits(traced) -> bool:
+    """Whether the compiler may be given a program."""
+    eqns, known = traced.jaxpr.eqns, not is_traced(traced.consts)
+    return known and jaxprs.num_scalars(eqns) <= tuning.KERNEL_SCALARS and not jaxprs.has_keys(eqns)
 
 
 def _bind(traced, leaves: Sequence) -> list:

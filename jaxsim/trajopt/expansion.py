@@ -6,6 +6,7 @@ With `z = (dx, du)` the deviation from the trajectory at one step,
 - the cost is `l + g' z + 1/2 z' H z`.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -14,6 +15,8 @@ from flax import struct
 from jaxtyping import Array, Float
 
 from jaxsim.batching import vmap
+from jaxsim.lanes import as_kernel
+from jaxsim.lanes.switch import lanes_enabled
 from jaxsim.trajopt.problem import Problem
 
 
@@ -49,8 +52,7 @@ def expand(problem: Problem, states: Any, ctrls: Float[Array, "T nu"]) -> Expans
     origin = jnp.zeros(n + ctrls.shape[1], ctrls.dtype)
 
     def stepped(z, x, u, y):
-        gap = space.difference(y, problem.step(space.retract(x, z[:n]), u + z[n:]))
-        return gap, gap
+        return space.difference(y, problem.step(space.retract(x, z[:n]), u + z[n:]))
 
     def running(z, x, u, t):
         return problem.running_cost(space.retract(x, z[:n]), u + z[n:], t)
@@ -58,15 +60,32 @@ def expand(problem: Problem, states: Any, ctrls: Float[Array, "T nu"]) -> Expans
     def final(dx, x):
         return problem.final_cost(space.retract(x, dx))
 
-    jacobian, defect = vmap(lambda *at: jax.jacfwd(stepped, has_aux=True)(origin, *at))(
-        before, ctrls, after
-    )
+    jacobian, defect = vmap(linearised(stepped, origin))(before, ctrls, after)
     steps = jnp.arange(problem.horizon)
     gradient, hessian = jax.vmap(lambda *at: second_order(running, origin, *at))(
         before, ctrls, steps
     )
     last = jax.tree.map(lambda x: x[-1], states)
     return Expansion(jacobian, defect, gradient, hessian, *second_order(final, origin[:n], last))
+
+
+def linearised(f: Callable, origin: Float[Array, "n"]) -> Callable:
+    """Jacobian and value of `f(z, *at)` at an origin, as a function of the rest.
+
+    Where time steps are kernels, each column of the Jacobian is a lane of one.
+    """
+
+    def column(direction, *at):
+        return jax.jvp(lambda z: f(z, *at), (origin,), (direction,))
+
+    column = as_kernel(column) if lanes_enabled() else column
+
+    def jacobian_and_value(*at):
+        directions = jnp.eye(len(origin), dtype=origin.dtype)
+        values, columns = jax.vmap(lambda direction: column(direction, *at))(directions)
+        return columns.T, values[0]
+
+    return jacobian_and_value
 
 
 def second_order(cost, origin, *at):
