@@ -11,6 +11,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from flax import struct
 from jaxtyping import Array, Float
 
@@ -49,7 +50,7 @@ def expand(problem: Problem, states: Any, ctrls: Float[Array, "T nu"]) -> Expans
     """
     space, n = problem.space, problem.space.size
     before, after = jax.tree.map(lambda x: x[:-1], states), jax.tree.map(lambda x: x[1:], states)
-    origin = jnp.zeros(n + ctrls.shape[1], ctrls.dtype)
+    origin = np.zeros(n + ctrls.shape[1], ctrls.dtype)  # known to kernels
 
     def stepped(z, x, u, y):
         return space.difference(y, problem.step(space.retract(x, z[:n]), u + z[n:]))
@@ -62,14 +63,12 @@ def expand(problem: Problem, states: Any, ctrls: Float[Array, "T nu"]) -> Expans
 
     jacobian, defect = vmap(linearised(stepped, origin))(before, ctrls, after)
     steps = jnp.arange(problem.horizon)
-    gradient, hessian = jax.vmap(lambda *at: second_order(running, origin, *at))(
-        before, ctrls, steps
-    )
+    gradient, hessian = jax.vmap(second_order(running, origin))(before, ctrls, steps)
     last = jax.tree.map(lambda x: x[-1], states)
-    return Expansion(jacobian, defect, gradient, hessian, *second_order(final, origin[:n], last))
+    return Expansion(jacobian, defect, gradient, hessian, *second_order(final, origin[:n])(last))
 
 
-def linearised(f: Callable, origin: Float[Array, "n"]) -> Callable:
+def linearised(f: Callable, origin: Float[np.ndarray, "n"]) -> Callable:
     """Jacobian and value of `f(z, *at)` at an origin, as a function of the rest.
 
     Where time steps are kernels, each column of the Jacobian is a lane of one.
@@ -88,13 +87,13 @@ def linearised(f: Callable, origin: Float[Array, "n"]) -> Callable:
     return jacobian_and_value
 
 
-def second_order(cost, origin, *at):
-    """Gradient and the nearest positive semidefinite matrix to the Hessian."""
+def second_order(cost: Callable, origin: Float[np.ndarray, "n"]) -> Callable:
+    """Gradient of `cost(z, *at)`, and the nearest positive semidefinite matrix to its Hessian."""
+    derivatives = linearised(jax.grad(cost), origin)
 
-    def gradient(z):
-        slope = jax.grad(cost)(z, *at)
-        return slope, slope
+    def gradient_and_hessian(*at):
+        hessian, gradient = derivatives(*at)
+        values, vectors = jnp.linalg.eigh((hessian + hessian.T) / 2)
+        return gradient, (vectors * jnp.maximum(values, 0)[None]) @ vectors.T
 
-    hessian, slope = jax.jacfwd(gradient, has_aux=True)(origin)
-    values, vectors = jnp.linalg.eigh((hessian + hessian.T) / 2)
-    return slope, (vectors * jnp.maximum(values, 0)[None]) @ vectors.T
+    return gradient_and_hessian

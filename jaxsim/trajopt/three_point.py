@@ -13,6 +13,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from flax import struct
 from jaxtyping import Array, Float
 
@@ -113,11 +114,10 @@ def cost_expansion(model: Model, problem: Problem, path: Path):
     def final(z, a, b):
         return problem.final_cost(state(z, problem.horizon, a, b))
 
-    origin = jnp.zeros(2 * nv + model.nu, q.dtype)
-    each = jax.vmap(lambda *at: second_order(running, origin, *at))(
-        jnp.arange(problem.horizon), q[:-2], q[1:-1], path.ctrls
-    )
-    return *each, *second_order(final, origin[: 2 * nv], q[-2], q[-1])
+    origin = np.zeros(2 * nv + model.nu, q.dtype)
+    steps = jnp.arange(problem.horizon)
+    each = jax.vmap(second_order(running, origin))(steps, q[:-2], q[1:-1], path.ctrls)
+    return *each, *second_order(final, origin[: 2 * nv])(q[-2], q[-1])
 
 
 def _gap(model, start, blur, t, a, b, c, u) -> Float[Array, "nv"]:
