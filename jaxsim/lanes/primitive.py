@@ -39,10 +39,8 @@ def as_kernel(f: Callable) -> Callable:
         kinds = [jaxprs.element(x, None) for x in leaves]
         flat = lambda *xs: f(*jax.tree.unflatten(tree, xs))  # noqa: E731
         traced, shapes = jax.make_jaxpr(flat, return_shape=True)(*kinds)
-        if not _fits(traced):
-            results = _evaluate(*leaves, program=traced)
-        else:
-            results = _bind(traced, leaves)
+        fits = _fits(traced)
+        results = _bind(traced, leaves) if fits else _evaluate(*leaves, program=traced)
         return jax.tree.unflatten(jax.tree.structure(shapes), results)
 
     return call
