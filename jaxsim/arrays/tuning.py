@@ -244,3 +244,11 @@ A kernel is code for each of them. A rollout of hopper, 49,000, is ready in 2.7 
 Gains: Gymnasium's humanoid takes 0.6 of its time; of larger programs, unknown.
 Seen: 41faf54.
 """
+PULLBACK_SCALARS = 800_000
+"""As `KERNEL_SCALARS`, for the derivative of a step in reverse mode.
+
+Hopper's has 115,000, ant's 327,000, that of Gymnasium's humanoid 695,000.
+
+Gains: XLA's derivative takes ten times as long.
+Seen: ec5a488.
+"""

@@ -19,7 +19,7 @@ _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
 
 def check_backward(model: Model) -> None:
     """Raises a `ModelError` that names what does not combine with the options of derivatives."""
-    if model.backward == Backward():
+    if not (model.backward.entry_time or model.backward.smooths):
         return
     if model.contact != "mujoco":
         raise ModelError(f"{model.backward} needs contact='mujoco', not {model.contact!r}")

@@ -7,6 +7,7 @@ import functools
 from collections.abc import Callable
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
@@ -25,7 +26,7 @@ from jaxsim.engine.integrators import INTEGRATORS, Step
 from jaxsim.engine.status import Status
 from jaxsim.forces.actuation import Actuation, actuation
 from jaxsim.forces.passive import PassiveForces, passive_forces
-from jaxsim.lanes import as_kernel
+from jaxsim.lanes import as_kernel, with_pullback_kernel
 from jaxsim.lanes.switch import lanes_enabled
 from jaxsim.model import Model, State
 from jaxsim.model.inputs import admit, admit_array
@@ -78,14 +79,18 @@ def whole_step(model: Model, state: State, ctrl: Float[Array, "nu"] | None = Non
     advance = functools.partial(_step, model)
     # A kernel knows all numbers of its model.
     if lanes_enabled() and is_traced((state, ctrl)) and not is_traced(model):
-        advance = as_kernel(advance)
+        by_kernel = with_pullback_kernel if model.backward.reverse_only else as_kernel
+        advance = by_kernel(advance)
     return advance(state, ctrl)
 
 
 @as_a_whole
 def _step(model: Model, state: State, ctrl: Float[Array, "nu"] | None) -> Step:
     integrate = INTEGRATORS[model.opt.integrator]
-    found = integrate(model, state, functools.partial(_evaluate_for_step, model, ctrl))
+    evaluate = functools.partial(_evaluate_for_step, model, ctrl)
+    # A kernel's pullback keeps no more than the state between the stages of an integrator.
+    evaluate = jax.checkpoint(evaluate) if model.backward.reverse_only else evaluate
+    found = integrate(model, state, evaluate)
     after = found.after
     numbers = jnp.concatenate([after.qpos, after.qvel, after.act])
     return found.replace(

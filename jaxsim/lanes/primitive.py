@@ -21,16 +21,17 @@ from jaxsim.batching.interpret import Lanes
 from jaxsim.batching.primitives.jvp_rule import moving_leaves
 
 
-def as_kernel(f: Callable) -> Callable:
+def as_kernel(f: Callable, largest: int | None = None) -> Callable:
     """The same function, compiled as one kernel where it is mapped over a batch.
 
     It means what `f` means, under `jit`, `vmap` and derivatives. It pays for functions of some
     hundred operations and more; the machine code stays until the process ends. Where its program is
-    larger than `tuning.KERNEL_SCALARS`, draws random numbers, or has numbers of a model that is
+    larger than `largest`, draws random numbers, or has numbers of a model that is
     being traced, the call stands for its equations, which XLA compiles.
 
     Args:
       f: a function of pytrees of arrays, written for one element.
+      largest: the most scalars that its program may compute; None for `tuning.KERNEL_SCALARS`.
     """
 
     @functools.wraps(f)
@@ -39,17 +40,17 @@ def as_kernel(f: Callable) -> Callable:
         kinds = [jaxprs.element(x, None) for x in leaves]
         flat = lambda *xs: f(*jax.tree.unflatten(tree, xs))  # noqa: E731
         traced, shapes = jax.make_jaxpr(flat, return_shape=True)(*kinds)
-        fits = _fits(traced)
+        fits = _fits(traced, tuning.KERNEL_SCALARS if largest is None else largest)
         results = _bind(traced, leaves) if fits else _evaluate(*leaves, program=traced)
         return jax.tree.unflatten(jax.tree.structure(shapes), results)
 
     return call
 
 
-def _fits(traced) -> bool:
+def _fits(traced, largest: int) -> bool:
     """Whether the compiler may be given a program."""
     eqns, known = traced.jaxpr.eqns, not is_traced(traced.consts)
-    return known and jaxprs.num_scalars(eqns) <= tuning.KERNEL_SCALARS and not jaxprs.has_keys(eqns)
+    return known and jaxprs.num_scalars(eqns) <= largest and not jaxprs.has_keys(eqns)
 
 
 def _bind(traced, leaves: Sequence) -> list:

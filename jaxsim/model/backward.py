@@ -17,6 +17,8 @@ class Backward:
       distance: in derivatives, contacts act from this distance on (m), with an impedance that rises
         from zero there.
       softening: in derivatives, time constants of contacts are longer by this factor.
+      reverse_only: derivatives are taken in reverse mode only, and once. A step's derivative is
+        then a kernel, where steps are (`docs/lanes.md`).
 
     Raises:
       ValueError: a number is out of range, or `entry_time` is combined with other options, which
@@ -26,6 +28,7 @@ class Backward:
     entry_time: bool = False
     distance: float = 0.0
     softening: float = 1.0
+    reverse_only: bool = False
 
     def __post_init__(self):
         if not (math.isfinite(self.distance) and self.distance >= 0):

@@ -1,11 +1,16 @@
 """Short-horizon actor-critic (Xu et al. 2022): policy gradients through the simulation.
 
 One epoch: every environment takes `horizon` steps with the present policy; the gradient of the
-discounted rewards, plus the critic's value of the last state, flows back through policy and physics
-to the policy's parameters. A short horizon bounds the gradient, and the critic estimates the
-rewards after it. Then the critic is fitted to TD(lambda) targets of the same steps, with values of
-the target critic, a running average of the critic. All of this is one compiled program, in which
-each device works on its own environments and gradients are averaged.
+lambda-returns of these steps flows back through policy and physics to the policy's parameters. A
+short horizon bounds the gradient, and the critic estimates the rewards after it. Then the critic is
+fitted to the same lambda-returns, whose values are those of the target critic, a running average of
+the critic. All of this is one compiled program, in which each device works on its own environments
+and gradients are averaged.
+
+The paper's objective is the return of the first step, with a value at the horizon. The mean of the
+lambda-returns of all steps (as in Dreamer, Hafner et al. 2020) also has the values of the states
+between: a fall within the horizon would otherwise say nothing, because the reward of health is
+constant until it.
 """
 
 import dataclasses
@@ -37,10 +42,8 @@ from jaxsim.rl.parts.differentiable import (
     NO_LIMIT,
     Differentiable,
     cut_episodes,
-    discounts,
     spread_episodes,
 )
-from jaxsim.rl.parts.gae import advantages
 from jaxsim.rl.values import Average, Count, Fraction, NotNegative, Positive
 
 NETWORK = NetworkConfig(activation="elu")
@@ -51,11 +54,12 @@ class Config(TrainConfig):
     """Settings of SHAC.
 
     Attributes:
-      horizon: steps of each environment in one epoch, through which gradients flow.
+      horizon: steps of each environment in one epoch, through which gradients flow. Through
+        contact they are of use for some 0.2 to 0.4 s.
       episode_steps: length at which training truncates episodes, so that starts are seen more
         often; the critic estimates the rest. None for the length of the task.
       discount: factor per step of the return.
-      decay: lambda of the value targets: 1 trusts returns, 0 the target critic.
+      decay: lambda of the returns: 1 trusts rewards, 0 the target critic.
       follow: rate of the target critic, the fraction of the critic in one averaging step.
       minibatches: gradient steps of the critic in one pass over the data of an epoch.
       passes: number of passes of the critic over the data of an epoch.
@@ -163,14 +167,15 @@ class SHAC(Algorithm):
         key, carry = jax.random.split(learner.key)
         key = jax.random.fold_in(key, lax.axis_index(AXIS))
         act_key, shuffle_key = jax.random.split(key)
-        gradient, (actors, seen, episodes, objective) = jax.grad(self.loss, has_aux=True)(
+        gradient, (actors, seen, returns, episodes) = jax.grad(self.loss, has_aux=True)(
             learner.policy, learner, actors, act_key
         )
-        gradient, objective = average((gradient, objective))
+        gradient, objective = average((gradient, returns.mean()))
         norm = optax.tree.norm(gradient)
         rate = self.remaining(learner)
         learner = self.improve(learner, gradient, rate * self.config.policy_rate)
-        learner, value_loss = self.fit(learner, seen, shuffle_key, rate * self.config.value_rate)
+        rate = rate * self.config.value_rate
+        learner, value_loss = self.fit(learner, seen.obs, returns, shuffle_key, rate)
         target = blend(learner.target, learner.value, self.config.follow)
         learner = self.end_epoch(learner.replace(target=target), seen.obs, carry)
         losses = {"objective": objective, "policy_gradient": norm, "value_loss": value_loss}
@@ -185,15 +190,21 @@ class SHAC(Algorithm):
             return self.scale(action), -log_prob
 
         actors, seen, episodes = collect(self.env, act, actors, key, self.config.horizon)
-        values = self.values(learner, seen.next_obs)
-        objective = jax.vmap(horizon_objective, in_axes=(1, 1, 1, 1, None))(
+        returns = self.returns(learner, seen)
+        objective = returns.mean()
+        return -objective, lax.stop_gradient((actors, seen, returns, episodes))
+
+    def returns(self, learner: Learner, seen: Experience) -> Float[Array, "T n"]:
+        """Lambda-returns, with the values of the target critic."""
+        over_envs = jax.vmap(lambda_returns, in_axes=(1,) * 4 + (None, None), out_axes=1)
+        return over_envs(
             self.rewards(seen),
-            values,
+            self.values(learner, seen.next_obs),
             seen.terminated,
             seen.truncated,
             self.config.discount,
-        ).mean()
-        return -objective, lax.stop_gradient((actors, seen, episodes, objective))
+            self.config.decay,
+        )
 
     def rewards(self, seen: Experience) -> Float[Array, "T n"]:
         """Rewards for the learner: scaled, plus the entropy bonus."""
@@ -210,11 +221,10 @@ class SHAC(Algorithm):
         improved = learner.replace(policy=params, policy_optimizer=optimizer)
         return keep_finite(gradient, improved, learner)
 
-    def fit(self, learner: Learner, seen: Experience, key, rate):
+    def fit(self, learner: Learner, obs: Float[Array, "T n obs"], targets, key, rate):
         """All gradient steps of the critic in an epoch; also returns their mean error."""
-        obs = self.normalize(learner, seen.obs)
         data = jax.tree.map(
-            lambda x: x.reshape(-1, *x.shape[2:]), (obs, self.targets(learner, seen))
+            lambda x: x.reshape(-1, *x.shape[2:]), (self.normalize(learner, obs), targets)
         )
         count = data[1].shape[0]
         order = minibatches(key, count, self.config.passes, self.config.minibatches)
@@ -237,43 +247,35 @@ class SHAC(Algorithm):
         """Mean squared error of the critic."""
         return jnp.square(self.value.apply(params, obs) - target).mean()
 
-    def targets(self, learner: Learner, seen: Experience) -> Float[Array, "T n"]:
-        """TD(lambda) targets: the target critic's values plus generalised advantages."""
-        values = self.values(learner, seen.obs)
-        estimate = jax.vmap(advantages, in_axes=(1,) * 5 + (None, None), out_axes=1)
-        return values + estimate(
-            self.rewards(seen),
-            values,
-            self.values(learner, seen.next_obs),
-            seen.terminated,
-            seen.truncated,
-            self.config.discount,
-            self.config.decay,
-        )
 
-
-def horizon_objective(
+def lambda_returns(
     reward: Float[Array, "T"],
     next_value: Float[Array, "T"],
     terminated: Bool[Array, "T"],
     truncated: Bool[Array, "T"],
     discount: float,
-) -> Float[Array, ""]:
-    """The policy's objective in one environment (Xu et al. 2022, eq. 5).
+    decay: float,
+) -> Float[Array, "T"]:
+    """Returns G_t of the steps of one environment, cut softly (Sutton & Barto 2018, eq. 12.18).
 
-    sum_t w_t (r_t + discount b_t V(s'_t)),   b_t = 1 where the data, but not the task, ends
+    G_t = r_t + discount ((1 - decay) V(s'_t) + decay G_{t+1})
 
-    w_t is the discount since the last start of an episode. The value is added at truncations and at
-    the horizon, but not at a termination.
+    At the last step and at a truncation it is `r_t + discount V(s'_t)`, at a termination r_t.
 
     Args:
       reward: r_t.
-      next_value: V(s'_t), the value of the state that step t led to.
+      next_value: V(s'_t), the value of the state that step t led to, before a possible reset.
       terminated: the episode ended in s'_t.
       truncated: the episode was truncated at s'_t.
-      discount: factor per step.
+      discount: factor per step, gamma.
+      decay: weight of longer returns, lambda.
     """
-    last = jnp.arange(len(reward)) == len(reward) - 1
-    bootstrap = (truncated | last) & ~terminated
-    weight = discounts(terminated | truncated, discount).astype(reward.dtype)
-    return jnp.sum(weight * (reward + discount * jnp.where(bootstrap, next_value, 0)))
+    value = jnp.where(terminated, 0, next_value)
+    on = jnp.where(terminated | truncated, 0, decay).astype(value.dtype)
+
+    def body(after, step):
+        reward, value, on = step
+        now = reward + discount * ((1 - on) * value + on * after)
+        return now, now
+
+    return lax.scan(body, value[-1], (reward, value, on), reverse=True)[1]

@@ -8,8 +8,7 @@ import pytest
 from jaxsim import envs
 from jaxsim.rl import config, shac, train
 from jaxsim.rl.config import ConfigError
-from jaxsim.rl.parts.collect import Experience
-from jaxsim.rl.shac import SHAC, horizon_objective
+from jaxsim.rl.shac import SHAC, lambda_returns
 
 TINY = {
     "envs": 4,
@@ -58,43 +57,38 @@ NO, YES = False, True
 @pytest.mark.parametrize(
     ("terminated", "truncated", "expected"),
     [
-        # 1 + .5 * 2 + .25 * (3 + .5 * 30)
-        ([NO, NO, NO], [NO, NO, NO], 6.5),
-        # The task ends: nothing follows. 1 + .5 * 2, then 3 + .5 * 30
-        ([NO, YES, NO], [NO, NO, NO], 20.0),
-        # The episode is cut: the critic says what would follow. 1 + .5 * (2 + .5 * 20), 18
-        ([NO, NO, NO], [NO, YES, NO], 25.0),
-        # 1 + .5 * 2 + .25 * 3
-        ([NO, NO, YES], [NO, NO, NO], 2.75),
+        # With lambda = .5 and discount .5: G = r + .25 V' + .25 G'. Last: 3 + .5 * 30.
+        ([NO, NO, NO], [NO, NO, NO], [6.375, 11.5, 18.0]),
+        # The task ends in the second step: nothing follows.
+        ([NO, YES, NO], [NO, NO, NO], [4.0, 2.0, 18.0]),
+        # The episode is cut there: the critic says what would follow. 2 + .5 * 20
+        ([NO, NO, NO], [NO, YES, NO], [6.5, 12.0, 18.0]),
+        # Both at once: it ends.
+        ([NO, NO, YES], [NO, NO, YES], [5.4375, 7.75, 3.0]),
     ],
 )
-def test_objective_by_hand(terminated, truncated, expected):
-    got = horizon_objective(
+def test_returns_by_hand(terminated, truncated, expected):
+    got = lambda_returns(
         jnp.array([1.0, 2.0, 3.0]),
         jnp.array([10.0, 20.0, 30.0]),
         jnp.array(terminated),
         jnp.array(truncated),
         0.5,
+        0.5,
     )
+    # G_0 = 1 + .25 * 10 + .25 G_1, and so on.
     np.testing.assert_allclose(got, expected)
 
 
-def test_targets_by_hand():
-    """With lambda = .5, discount .5 and V(x) = x: G = r + .5 (.5 V' + .5 G')."""
-    trainer, learner, _ = build(envs.make("fast"), decay=0.5, discount=0.5)
-    trainer.values = lambda learner, obs: obs[..., 0]
-    column = lambda *x: jnp.array(x)[:, None]  # noqa: E731
-    seen = Experience(
-        obs=column(1.0, 2.0, 5.0)[..., None],
-        action=jnp.zeros((3, 1, 1)),
-        extras=jnp.zeros((3, 1)),
-        reward=column(1.0, 2.0, 3.0),
-        next_obs=column(2.0, 4.0, 8.0)[..., None],
-        terminated=column(NO, NO, NO),
-        truncated=column(NO, YES, NO),
-    )
-    # Last: 3 + .5 * 8. Second, cut: 2 + .5 * 4. First: 1 + .5 * (.5 * 2 + .5 * 4).
-    np.testing.assert_allclose(trainer.targets(learner, seen)[:, 0], [2.5, 4.0, 7.0])
+def test_states_before_a_fall_are_judged():
+    """The reward is constant until the last step, a fall; the values of the states are not."""
+    slope = jax.grad(
+        lambda x: lambda_returns(
+            jnp.ones(3), x, jnp.array([NO, NO, YES]), jnp.zeros(3, bool), 0.9, 0.9
+        ).sum()
+    )(jnp.ones(3))
+    assert (slope[:2] > 0).all()
+    assert slope[2] == 0
 
 
 def test_poisoned_gradient_does_not_reach_the_policy(bits):

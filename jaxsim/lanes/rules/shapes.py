@@ -79,6 +79,13 @@ def iota(t, eqn, *rest):
     return np.broadcast_to(t.constants(axis), p["shape"])
 
 
+@rule("empty", "empty2")
+def empty(t, eqn):
+    """Numbers that will be overwritten: the stack of a loop in reverse mode."""
+    kind = eqn.outvars[0].aval
+    return np.broadcast_to(t.constants(np.zeros((), kind.dtype)), kind.shape)
+
+
 @rule("pad")
 def pad(t, eqn, x, value):
     """Values around and between numbers; a negative width takes numbers away."""

@@ -1,5 +1,6 @@
 """Environments for reverse mode, with bounded memory and bounded gradients."""
 
+import dataclasses
 from typing import Any
 
 import jax
@@ -8,8 +9,10 @@ from flax import struct
 from jaxtyping import Array, Bool, Float
 
 from jaxsim.arrays.checkpoint import checkpoint
+from jaxsim.arrays.memo import is_traced
 from jaxsim.envs import EnvState, TimeLimit, Wrapper, extended
 from jaxsim.gradients import clip_cotangent
+from jaxsim.lanes.switch import lanes_enabled
 from jaxsim.rl.parts.collect import Actors
 
 # Gradients with larger entries count as overflow.
@@ -20,7 +23,8 @@ NO_LIMIT = 1e18
 class Differentiable(Wrapper):
     """The same environment, prepared for reverse mode through many steps.
 
-    The backward pass recomputes each step, so that a rollout stores only states and accelerations.
+    The backward pass recomputes each step, so that a rollout stores only states and accelerations;
+    where steps are kernels, so is their derivative.
     The cotangent of each step is bounded. If it is not finite (after a simulation has diverged and
     `AutoReset` has replaced it), it is set to zero, and this environment adds nothing to the
     gradient. If its norm exceeds `limit`, it is scaled down, because products of Jacobians grow
@@ -35,7 +39,12 @@ class Differentiable(Wrapper):
     def step(self, state: EnvState, action: Float[Array, "nu"]) -> EnvState:
         """Act for one step."""
         state, action = clip_cotangent((state, action), self.limit)
-        return checkpoint(self.env.step)(state, action)
+        model = self.env.model
+        if not lanes_enabled() or is_traced(model):
+            return checkpoint(self.env.step)(state, action)
+        # Kernels store no more than states by themselves.
+        backward = dataclasses.replace(model.backward, reverse_only=True)
+        return self.env.with_model(model.replace(backward=backward)).step(state, action)
 
 
 def cut_episodes(env: Any, steps: int | None) -> Any:
