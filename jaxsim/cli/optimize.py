@@ -24,7 +24,8 @@ def run(arguments: argparse.Namespace) -> int:
     prepare_cpu()
     task, start = TASKS[arguments.task], time.perf_counter()
     problem = task.make()
-    plan = solve(problem, task.method, key=jax.random.key(arguments.seed), progress=True)
+    key = jax.random.key(arguments.seed)
+    plan = solve(problem, task.method, key=key, starts=task.starts, progress=True)
     seconds = time.perf_counter() - start
     distance = task.distance(problem, plan)
     report(_rows(arguments.task, task, plan, distance, seconds))
@@ -37,7 +38,7 @@ def _rows(name: str, task: Task, plan: Plan, distance: float, seconds: float) ->
     made = int(plan.iterations)
     return {
         "task": f"{name}: {task.about}",
-        "method": type(task.method).__name__,
+        "method": f"{type(task.method).__name__}, the best of {task.starts} starts",
         "cost": f"{plan.history[0]:.4g} -> {plan.cost:.4g} in {made} iterations",
         "status": PlanStatus(int(plan.status)).name.lower(),
         "distance from the goal": f"{distance:.3g}, of which {task.goal:g} are allowed",

@@ -2,6 +2,7 @@
 
 import sys
 import time
+from collections.abc import Callable
 from typing import Any, Protocol
 
 import jax
@@ -41,6 +42,7 @@ def solve(
     ctrls: Float[Array, "T nu"] | None = None,
     *,
     key: jax.Array | None = None,
+    starts: int = 1,
     progress: bool = False,
 ) -> Plan:
     """Optimise the controls of a problem.
@@ -55,18 +57,32 @@ def solve(
       method: how: `ILQR`, `Shooting`, `PredictiveSampling`, `MPPI`, `CEM`.
       ctrls: first guess; small random controls by default.
       key: of the default guess, and of methods that draw samples.
-      progress: write a line with the cost after each iteration to standard error.
+      starts: number of random guesses that are followed at once; the cheapest plan is returned.
+      progress: write a line with the least cost after each iteration to standard error.
 
     Returns:
       The plan. Trouble is in its `status`, never an exception.
 
     Raises:
-      ProblemError: the guess has the wrong shape, or the method has no iterations.
+      ProblemError: the guess has the wrong shape, the method has no iterations, or there is a guess
+        and several starts.
     """
     if method.iterations < 1:
         raise ProblemError(f"iterations must be at least 1, got {method.iterations}")
     run = _watched if progress else _compiled
-    return run(problem, method, *guess(problem, ctrls, key))
+    return run(problem, method, *_guesses(problem, ctrls, key, starts))
+
+
+def _guesses(problem: Problem, ctrls: Any, key: jax.Array | None, starts: int):
+    """Controls (S, T, nu) and keys (S,)."""
+    if starts < 1:
+        raise ProblemError(f"starts must be at least 1, got {starts}")
+    if starts == 1:
+        return jax.tree.map(lambda x: x[None], guess(problem, ctrls, key))
+    if ctrls is not None:
+        raise ProblemError("several starts are random guesses; give either ctrls or starts")
+    keys = jax.random.split(jax.random.key(0) if key is None else key, starts)
+    return jax.vmap(lambda key: guess(problem, None, key))(keys)
 
 
 def guess(
@@ -82,7 +98,7 @@ def guess(
     return problem.clip(jnp.asarray(ctrls, problem.low.dtype)), rest
 
 
-def _compiled(problem: Problem, method: Method, ctrls: Array, key: jax.Array) -> Plan:
+def _compiled(problem: Problem, method: Method, ctrls: Array, keys: jax.Array) -> Plan:
     """All iterations as one program."""
 
     def unfinished(carry):
@@ -99,24 +115,49 @@ def _compiled(problem: Problem, method: Method, ctrls: Array, key: jax.Array) ->
         carry = (0, method.start(problem, ctrls, key), history)
         return _plan(*lax.while_loop(unfinished, body, carry))
 
-    return jax.jit(run)(ctrls, key)
+    return jax.jit(lambda *guesses: _cheapest(_each(run)(*guesses)))(ctrls, keys)
 
 
-def _watched(problem: Problem, method: Method, ctrls: Array, key: jax.Array) -> Plan:
+def _watched(problem: Problem, method: Method, ctrls: Array, keys: jax.Array) -> Plan:
     """The same iteration by iteration, with a line for each."""
-    improve = jax.jit(lambda now: method.improve(problem, now))
-    now = method.start(problem, ctrls, key)
-    history, start = np.full(method.iterations, np.nan, ctrls.dtype), time.perf_counter()
-    count = 0
-    while count < method.iterations and int(now.status) == PlanStatus.RUNNING:
-        now = improve(now)
-        history[count] = now.cost
-        count += 1
-        seconds = time.perf_counter() - start
-        line = f"iteration {count:4d}  cost {float(now.cost):12.6g}  {seconds:6.1f} s"
+
+    def improved(now):
+        running = now.status == PlanStatus.RUNNING
+        after = method.improve(problem, now)
+        cost = jnp.where(running, after.cost, jnp.nan)
+        return jax.tree.map(lambda a, b: jnp.where(running, a, b), after, now), cost, running
+
+    improve, begun = jax.jit(_each(improved)), time.perf_counter()
+    now = _each(lambda *guess: method.start(problem, *guess))(ctrls, keys)
+    history = np.full((len(ctrls), method.iterations), np.nan, ctrls.dtype)
+    made = np.zeros(len(ctrls), int)
+    for i in range(method.iterations):
+        now, history[:, i], running = improve(now)
+        made += running
+        seconds = time.perf_counter() - begun
+        line = f"iteration {i + 1:4d}  cost {float(now.cost.min()):12.6g}  {seconds:6.1f} s"
         sys.stderr.write(f"\r{line}")
+        if not (now.status == PlanStatus.RUNNING).any():
+            break
     sys.stderr.write("\n")
-    return _plan(count, now, jnp.asarray(history))
+    return _cheapest(jax.vmap(_plan)(jnp.asarray(made), now, jnp.asarray(history)))
+
+
+def _each(f: Callable) -> Callable:
+    """`f` for each start; for a single one it is not mapped."""
+
+    def mapped(*args):
+        if len(jax.tree.leaves(args)[0]) > 1:
+            return jax.vmap(f)(*args)
+        return jax.tree.map(lambda x: x[None], f(*jax.tree.map(lambda x: x[0], args)))
+
+    return mapped
+
+
+def _cheapest(plans: Plan) -> Plan:
+    """The one of least cost among plans of several starts."""
+    best = jnp.argmin(jnp.where(jnp.isnan(plans.cost), jnp.inf, plans.cost))
+    return jax.tree.map(lambda x: x[best], plans)
 
 
 def _plan(count: Any, now: Iterate, history: Float[Array, "N"]) -> Plan:

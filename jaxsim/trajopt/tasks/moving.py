@@ -1,4 +1,4 @@
-"""Robots that reach and jump."""
+"""Robots that reach, jump and run."""
 
 import jax.numpy as jnp
 
@@ -11,6 +11,7 @@ from jaxsim.trajopt.tasks.task import Task, square
 
 TARGET = (0.3, -0.45, 0.5)  # of the hand (m)
 HEIGHT = 1.6  # of the hopper's torso (m); 1.25 when it stands
+DISTANCE = 3.0  # of the cheetah's run (m)
 
 
 def reach() -> Problem:
@@ -54,6 +55,23 @@ def jump() -> Problem:
     )
 
 
+def run() -> Problem:
+    """Two seconds for a cheetah that stands to be three metres on, level."""
+    model, steps = load("half_cheetah"), 100
+
+    def running_cost(x, u, t):
+        ahead = x.qpos[0] - DISTANCE * (t + 1) / steps
+        return 0.3 * (ahead**2 + x.qpos[2] ** 2) + 0.01 * square(u)
+
+    return make_problem(
+        model,
+        horizon=steps,
+        running_cost=running_cost,
+        final_cost=lambda x: 50 * (x.qpos[0] - DISTANCE) ** 2 + 5 * x.qpos[2] ** 2,
+        frame_skip=2,
+    )
+
+
 TASKS = {
     "reach": Task(
         "an arm brings its hand to a point", reach, ILQR(iterations=200), _hand_miss, 0.02
@@ -64,5 +82,13 @@ TASKS = {
         ILQR(),
         lambda model, x: jnp.abs(x.qpos[1] - HEIGHT),
         0.05,
+        starts=8,
+    ),
+    "run": Task(
+        "a cheetah runs three metres",
+        run,
+        ILQR(),
+        lambda model, x: jnp.abs(x.qpos[0] - DISTANCE),
+        0.1,
     ),
 }

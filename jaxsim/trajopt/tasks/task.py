@@ -23,6 +23,7 @@ class Task:
       method: solves it from small random controls.
       miss: `(model, last state)` to the distance from the goal (m or rad).
       goal: the distance that counts as solved.
+      starts: first guesses that are followed at once; the cheapest plan counts.
     """
 
     about: str
@@ -30,6 +31,7 @@ class Task:
     method: Method
     miss: Callable[[Model, State], Float[Array, ""]]
     goal: float
+    starts: int = 4
 
     def distance(self, problem: Problem, plan: Plan) -> float:
         """How far from the goal a plan ends."""
