@@ -4,6 +4,7 @@ The gradient of a state after a hundred steps is a product of a hundred Jacobian
 contacts it grows until it is not useful as a descent direction.
 """
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -23,33 +24,60 @@ def clip_cotangent(x: Any, limit: float | Float[Array, ""]) -> Any:
       x: a pytree of arrays; |g| is the norm over all those of floating point together.
       limit: largest norm that passes.
     """
+    return _with_scaled_cotangent(x, limit, _shortening)
+
+
+def stop_cotangent(x: Any, limit: float | Float[Array, ""]) -> Any:
+    """Return x; in reverse mode, its cotangent is zero if it is longer than this, or not finite.
+
+    In the body of a loop this makes windows whose lengths adapt: the derivative goes back from the
+    end through as many steps as it stays below the limit, until stiff contact ends it.
+
+    Args:
+      x: a pytree of arrays; the norm is that over all those of floating point together.
+      limit: largest norm that passes.
+    """
+    return _with_scaled_cotangent(x, limit, _below)
+
+
+def _shortening(square: Float[Array, ""], limit) -> Float[Array, ""]:
+    """The factor that brings a vector down to a length; it has no root at zero."""
+    return jnp.minimum(1, limit * lax.rsqrt(jnp.maximum(square, 1e-30)))
+
+
+def _below(square: Float[Array, ""], limit) -> Float[Array, ""]:
+    """One for vectors up to a length, otherwise zero."""
+    return jnp.where(square <= limit**2, 1.0, 0.0)
+
+
+def _with_scaled_cotangent(x: Any, limit, factor: Callable) -> Any:
+    """Return x; the cotangent g is multiplied by `factor(|g|^2, limit)`."""
     leaves, structure = jax.tree.flatten(x)
     smooth = [jnp.issubdtype(jnp.result_type(a), jnp.floating) for a in leaves]
-    clipped = iter(_clipped([a for a, s in zip(leaves, smooth, strict=True) if s], limit))
+    scaled = iter(_scaled(factor, [a for a, s in zip(leaves, smooth, strict=True) if s], limit))
     return structure.unflatten(
-        [next(clipped) if s else a for a, s in zip(leaves, smooth, strict=True)]
+        [next(scaled) if s else a for a, s in zip(leaves, smooth, strict=True)]
     )
 
 
-@jax.custom_vjp
-def _clipped(leaves, limit):
+@functools.partial(jax.custom_vjp, nondiff_argnums=(0,))
+def _scaled(factor, leaves, limit):
     return leaves
 
 
-def _clip_forward(leaves, limit):
+def _scale_forward(factor, leaves, limit):
     return leaves, limit
 
 
-def _clip_backward(limit, cotangents):
+def _scale_backward(factor, limit, cotangents):
     square = sum((jnp.sum(jnp.square(c)) for c in cotangents), start=jnp.zeros(()))
     # An overflow of the square is treated like NaN.
-    factor = jnp.minimum(1, limit * lax.rsqrt(jnp.maximum(square, 1e-30)))
-    finite = jnp.isfinite(square)
-    clipped = [jnp.where(finite, factor.astype(c.dtype) * c, 0) for c in cotangents]
-    return clipped, jnp.zeros_like(jnp.asarray(limit))
+    share, finite = factor(square, limit), jnp.isfinite(square)
+    scaled = [jnp.where(finite, share.astype(c.dtype) * c, 0) for c in cotangents]
+    return scaled, jnp.zeros_like(jnp.asarray(limit))
 
 
-_clipped.defvjp(_clip_forward, _clip_backward)
+_scaled.defvjp(_scale_forward, _scale_backward)
 
 
 def truncate(x: Any, cut: Bool[Array, ""] | bool) -> Any:

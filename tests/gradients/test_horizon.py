@@ -8,7 +8,13 @@ from jax import lax
 from oracle import quick_jit
 
 import jaxsim
-from jaxsim.gradients import clip_cotangent, gradient_norms, truncate, usable_horizon
+from jaxsim.gradients import (
+    clip_cotangent,
+    gradient_norms,
+    stop_cotangent,
+    truncate,
+    usable_horizon,
+)
 
 
 def test_norms_of_a_growing_system(x64):
@@ -48,6 +54,18 @@ def test_windows_and_clipping(x64):
     np.testing.assert_allclose(gradient(x, 10.0), 20 * np.array([0.6, 0.8]))
     bad = jax.grad(lambda x: jnp.sqrt(jnp.sum(clip_cotangent(x, 1.0) ** 2)))
     np.testing.assert_array_equal(bad(jnp.zeros(2)), 0)
+
+
+def test_a_horizon_that_ends_where_the_gradient_grows(x64):
+    """Of inputs to `x' = 2 x + u`, each environment's last ones have a gradient below the limit."""
+
+    def loss(inputs, weight):
+        body = lambda x, u: (2 * stop_cotangent(x, 10.0) + u, None)  # noqa: E731
+        return weight * lax.scan(body, jnp.zeros(()), inputs)[0]
+
+    found = quick_jit(jax.vmap(jax.grad(loss), (None, 0)))(jnp.zeros(6), jnp.array([1.0, 4.0]))
+    np.testing.assert_array_equal(found, [[0, 0, 8, 4, 2, 1], [0, 0, 0, 0, 8, 4]])
+    np.testing.assert_array_equal(stop_cotangent(jnp.ones(2), 0.1), 1)
 
 
 NO_LIMIT = 1e18
