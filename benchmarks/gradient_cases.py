@@ -1,204 +1,178 @@
-"""Gradients through contact whose answers are known: the program's, with entry times, MuJoCo's.
+"""Motions through contact whose derivatives are known: two scenes, and the cases in them.
 
-A bouncing ball, and two balls that meet. Each gradient is the mean over phases, that is, over
-where within a time step the contact begins: its mean, its standard deviation, and the share of
-phases with the wrong sign. MuJoCo's are central differences of its own steps. The truth is that of
-rigid impacts, for which springs are stiff here, or of the continuous motion with soft contact.
+A mass slides along x and z above a plane; two balls move in a plane. What a motion depends on is a
+vector of numbers, so that one compiled program has all cases of a scene.
 """
 
-import argparse
+import math
+from collections.abc import Callable
 from typing import NamedTuple
 
-import common
+import gradient_truths as truths
 import numpy as np
+from gradient_truths import RADIUS, G
 
-PHASES = 64
-CONTACT = '<default><geom condim="1" solimp=".95 .95 .001" solref="{ref}"/></default>'
-BALL = f"""
-<mujoco><option timestep="{{dt}}" gravity="0 0 -{{g}}" tolerance="0"/>{CONTACT}
-<worldbody><geom type="plane" size="0 0 1"/>
-<body><joint type="slide" axis="0 0 1"/><geom size=".1" contype="0"/></body></worldbody></mujoco>
-"""
+# Friction of zero is a NaN in MJX.
+LEAST = 1e-5
+CONTACT = """<option cone="elliptic" tolerance="0" iterations="50" ls_iterations="50"/>
+<default><geom solimp=".95 .95 .001"/></default>"""
+SLIDER = f"""<mujoco>{CONTACT}<worldbody><geom type="plane" size="0 0 1"/>
+<body><joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>
+<geom size="{RADIUS}" contype="0"/></body></worldbody></mujoco>"""
 SLIDES = '<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/>'
-BALLS = f"""
-<mujoco><option timestep="{{dt}}" gravity="0 0 0" tolerance="0"/>{CONTACT}
-<worldbody><body>{SLIDES}<geom size="{{size}}" mass="1"/></body>
-<body>{SLIDES}<geom size="{{size}}" mass="1"/></body></worldbody></mujoco>
-"""
+# MuJoCo's broad phase keeps these sizes, so that they are the largest.
+BALLS = f"""<mujoco>{CONTACT}<worldbody><body>{SLIDES}<geom size="{2 * RADIUS}" condim="1"/></body>
+<body>{SLIDES}<geom size="{2 * RADIUS}" condim="1"/></body></worldbody></mujoco>"""
 
 
-class Case(NamedTuple):
-    """A motion, one derivative of its end, and their truth.
+class Scene(NamedTuple):
+    """A model, and what its motion depends on, with values to begin from."""
 
-    Attributes:
-      name: of the case, and what the derivative is with respect to.
-      dt: time step (s).
-      ref: `solref` of the contact.
-      start: positions, then velocities.
-      end: index of the final position.
-      by: index of the start.
-      value: truth of the final position.
-      truth: truth of the derivative, over the heights of two time steps.
-      speed: at which the surfaces meet.
-      duration: of the motion (s).
-      size: radius of two balls; None for one.
-      g: gravity.
-    """
-
-    name: str
-    dt: float
-    ref: str
-    start: tuple
-    end: int
-    by: int
-    value: float
-    truth: float
-    speed: float = 4.2021
-    duration: float = 0.8
-    size: float | None = None
-    g: float = 9.81
-
-    @property
-    def xml(self) -> str:
-        return (BALLS if self.size else BALL).format(**self._asdict())
+    xml: str
+    inputs: dict[str, float]
 
 
-DRAWN = "G3b by z", 1e-3
-STIFF = "-1e6 0"
-LOSSY = "-1e6 -147.4"  # of restitution 0.8: the damping ratio is 0.0737
-FREE = {"speed": 2.0, "duration": 1.0, "g": 0}
-TOSS, MEET, ASIDE = (1, -2), (0, 0, 0.52, 0, 1, 0, 0, 0), (0, 0, 1, 0.15, 2, 0, 0, 0)
-CASES = [
-    Case("G1 by z", 1e-4, STIFF, TOSS, 0, 0, 1.2, -1, **FREE),
-    Case("G2 by z", 1e-4, LOSSY, (1, 0), 0, 0, 0.671885, 0.761714),
-    Case("G3 by z", 1e-3, ".02 .1", (1, 0), 0, 0, 0.586167, 0.737),
-    Case("G3 by z", 5e-4, ".02 .1", (1, 0), 0, 0, 0.586167, 0.741),
-    Case("G3b by z", 4e-3, ".1 .1", (1, 0), 0, 0, 0.589593, 0.616),
-    Case("G3b by z", 2e-3, ".1 .1", (1, 0), 0, 0, 0.589593, 0.630),
-    Case("G3b by z", 1e-3, ".1 .1", (1, 0), 0, 0, 0.589593, 0.637),
-    Case("G10 by x", 1e-4, STIFF, MEET, 2, 0, 1.2, 1, **(FREE | {"speed": 1.0}), size=0.1),
-    Case("G11 by y", 5e-5, "-1e7 0", ASIDE, 2, 3, 2.17803977874, -2.91790291225, **FREE, size=0.2),
-]
-
-
-def main(arguments=None) -> None:
-    options = _options(arguments)
-    common.setup(x64=True)
-    rows = []
-    for case in CASES:
-        if options.cases and case.name.split()[0] not in options.cases:
-            continue
-        rows += [_row(case, method, options.phases) for method in METHODS]
-        print(common.table(rows[-len(METHODS) :], COLUMNS), flush=True)
-    record = {"phases": options.phases, "rows": rows}
-    common.write(options, __file__, record, lambda figure: _draw(figure, rows))
-
-
-def _options(arguments) -> argparse.Namespace:
-    parser = common.parser(__doc__, repetitions=1)
-    parser.add_argument("--phases", type=int, default=PHASES, help="starts within two time steps")
-    parser.add_argument("--cases", nargs="*", help="names of cases (default: all)")
-    return parser.parse_args(arguments)
-
-
-def _row(case: Case, method: str, phases: int) -> dict:
-    """Mean and spread of one derivative over phases."""
-    shift = (np.arange(phases) + 0.5) / phases * 2 * case.dt * case.speed
-    start = np.tile(np.array(case.start, float), (phases, 1))
-    # Two balls come nearer to each other if the first one moves forwards.
-    start[:, 0] += shift if case.size is None else -shift
-    found, slopes = METHODS[method](case, start)
-    drawn = {"starts": start[:, 0].tolist(), "slopes": slopes.tolist()}
-    return (drawn if (case.name, case.dt) == DRAWN else {}) | {
-        "case": case.name,
-        "dt": case.dt,
-        "method": method,
-        "value": float(found.mean()),
-        "its truth": case.value,
-        "derivative": float(slopes.mean()),
-        "truth": case.truth,
-        "spread": float(slopes.std()),
-        "wrong sign %": float(100 * np.mean(slopes * case.truth < 0)),
-    }
-
-
-COLUMNS = "case,dt,method,value,its truth,derivative,truth,spread,wrong sign %".split(",")
-
-
-def _ours(entry_time: bool):
-    def run(case: Case, start):
-        import jax
-        import jax.numpy as jnp
-
-        import jaxsim
-
-        model = jaxsim.load(case.xml, backward=jaxsim.gradients.Backward(entry_time=entry_time))
-
-        def end(x):
-            state = jaxsim.make_state(model).replace(qpos=x[: model.nv], qvel=x[model.nv :])
-            after = jax.lax.fori_loop(
-                0, round(case.duration / case.dt), lambda _, s: jaxsim.step(model, s), state
-            )
-            return after.qpos[case.end]
-
-        along = np.eye(start.shape[1])[case.by]
-        both = jaxsim.vmap(lambda x: jax.jvp(end, (x,), (jnp.asarray(along),)))
-        # Each program runs once: less time to compile is worth more than speed.
-        both = jax.jit(both, compiler_options={"xla_backend_optimization_level": 0})
-        return tuple(np.asarray(a) for a in both(start))
-
-    return run
-
-
-def _mujoco(case: Case, start):
-    """Central differences of MuJoCo C, and the values between."""
-    import mujoco
-
-    mj = mujoco.MjModel.from_xml_string(case.xml)
-    data = mujoco.MjData(mj)
-
-    def end(x):
-        mujoco.mj_resetData(mj, data)
-        data.qpos[:], data.qvel[:] = x[: mj.nq], x[mj.nq :]
-        for _ in range(round(case.duration / case.dt)):
-            mujoco.mj_step(mj, data)
-        return data.qpos[case.end]
-
-    h = 1e-7 * np.eye(start.shape[1])[case.by]
-    ends = np.array([[end(x + h), end(x - h)] for x in start])
-    return ends.mean(axis=1), (ends[:, 0] - ends[:, 1]) / 2e-7
-
-
-METHODS = {
-    "program": _ours(False),
-    "entry times": _ours(True),
-    "MuJoCo's differences": _mujoco,
+SCENES = {
+    "slider": Scene(
+        SLIDER, {"x": 0, "z": 1, "vx": 0, "vz": 0, "mu": LEAST, "e": 0, "g": G, "theta": 0, "m": 1}
+    ),
+    "balls": Scene(
+        BALLS,
+        dict.fromkeys(("x1", "y1", "x2", "y2", "v1", "u1", "v2", "u2"), 0)
+        | {"e": 1, "m1": 1, "m2": 1, "radius": RADIUS},
+    ),
 }
 
 
-def _draw(figure, rows) -> None:
-    """Gradient against phase, and error against the time step, for the soft bounce."""
-    left, right = figure.subplots(1, 2)
-    colours = {"program": "C1", "entry times": "C0"}
-    for row in rows:
-        if "slopes" in row and row["method"] in colours:
-            heights = 1e3 * (np.array(row["starts"]) - 1)
-            left.plot(
-                heights, row["slopes"], ".", color=colours[row["method"]], label=row["method"]
-            )
-    left.axhline(0.637, color="gray", linestyle=":", label="continuous motion")
-    left.set(xlabel="height above 1 m (mm)", ylabel="dz / dz0", title="soft bounce, 1 ms")
-    left.legend()
-    for method, colour in colours.items():
-        some = [r for r in rows if r["case"].startswith("G3b") and r["method"] == method]
-        dts = [1e3 * r["dt"] for r in some]
-        errors = [abs(r["derivative"] - r["truth"]) for r in some]
-        spreads = [r["spread"] for r in some]
-        right.loglog(dts, errors, "o-", color=colour, label=f"{method}: error of the mean")
-        right.loglog(dts, spreads, "s:", color=colour, label=f"{method}: spread")
-    right.set(xlabel="time step (ms)", ylabel="error", title="over phases")
-    right.legend(fontsize=7)
+def placed(inputs, xp) -> dict:
+    """The arrays that the inputs of a scene decide, under MuJoCo's names.
+
+    Args:
+      inputs: vector of the numbers that the scene names.
+      xp: numpy or jax.numpy.
+    """
+    if len(inputs) == len(SCENES["slider"].inputs):
+        x, z, vx, vz, mu, e, g, theta, m = inputs
+        masses, gravity = [0 * m, m], [g * xp.sin(theta), 0 * g, -g * xp.cos(theta)]
+        position, velocity, radii = [x, z], [vx, vz], [0 * m, RADIUS + 0 * m]
+    else:
+        *motion, e, m1, m2, radius = inputs
+        position, velocity, masses = motion[:4], motion[4:], [0 * m1, m1, m2]
+        gravity, radii, mu = [0 * e] * 3, [radius, radius], LEAST + 0 * e
+    # The regularisation of contacts has the true inertia of what slides.
+    weights = [[0 * m, 0 * m] if i == 0 else [1 / m, 0 * m] for i, m in enumerate(masses)]
+    values = {
+        "qpos": position,
+        "qvel": velocity,
+        "gravity": gravity,
+        "body_mass": masses,
+        "body_invweight0": weights,
+        "geom_friction": [[mu, 0 * mu, 0 * mu]] * 2,
+        "geom_restitution": [e, e],
+        "geom_rbound": radii,
+        "geom_size": [[r, 0 * r, 0 * r] for r in radii],
+    }
+    stack = lambda v: xp.stack([stack(x) for x in v]) if isinstance(v, list) else v  # noqa: E731
+    return {name: stack(value) for name, value in values.items()}
 
 
-if __name__ == "__main__":
-    main()
+class Case(NamedTuple):
+    """A motion, and derivatives of where it ends.
+
+    Attributes:
+      name: of the case.
+      scene: name of its scene.
+      start: inputs that are not the scene's.
+      duration: of the motion (s).
+      end: index of the final position.
+      truth: function of (inputs by name, solref, duration); rigid if solref is None.
+      table: the final position under "", and derivatives by inputs, as published.
+      solref: of the soft contacts; stiff where rigid ones are meant.
+      steps: time steps with soft contact (s).
+      shift: an input by whose change the phase of contact changes, and by how much in a second.
+      rigid: whether rigid contact is meant.
+    """
+
+    name: str
+    scene: str
+    start: dict
+    duration: float
+    end: int
+    truth: Callable
+    table: dict
+    solref: tuple
+    steps: tuple
+    shift: tuple
+    rigid: bool = True
+
+    def vector(self, **changes) -> np.ndarray:
+        """The inputs."""
+        return np.array([*(SCENES[self.scene].inputs | self.start | changes).values()], float)
+
+    def position(self, x: np.ndarray, solref: tuple | None) -> float:
+        """The final position for inputs, in continuous time."""
+        named = dict(zip(SCENES[self.scene].inputs, x, strict=True))
+        return self.truth(named, solref, self.duration)
+
+    def slope(self, x: np.ndarray, by: str, solref: tuple | None, h: float = 1e-5) -> float:
+        """Its derivative by an input, by five-point differences."""
+        way = h * self.direction(by)
+        y = [self.position(x + k * way, solref) for k in (-2, -1, 1, 2)]
+        return (y[0] - 8 * y[1] + 8 * y[2] - y[3]) / (12 * h)
+
+    def direction(self, by: str) -> np.ndarray:
+        """The unit vector of an input."""
+        return np.array([float(name == by) for name in SCENES[self.scene].inputs])
+
+
+def lossy(omega: float, e: float) -> tuple[float, float]:
+    """`solref` of a spring that pushes only, of a frequency, with restitution e."""
+    return -(omega**2), -2 * truths.damping_of(e) * omega
+
+
+STIFF, FAST = (-2.5e5, 0.0), 2e-4
+BILLIARD = {"x2": 1.0, "y2": 0.15, "v1": 2.0, "radius": 0.2}
+MASSES = {"x2": 0.52, "v1": 1.0, "m1": 2.0, "e": 0.6}
+TWICE = {"e": 0.8}
+THROWN = {"vx": 3.0, "mu": 0.1, "e": 0.8}
+SLOPE = math.radians(25)
+
+CASES = [
+    Case("G1", "slider", {"vz": -2.0, "e": 1.0, "g": 0.0}, 1.0, 1, truths.height,
+         {"": 1.2, "z": -1, "vz": -1}, STIFF, (FAST,), ("z", 2.0)),
+    Case("G2", "slider", TWICE, 0.8, 1, truths.height,
+         {"": 0.671884927515, "z": 0.761713848619, "vz": 0.0289647136194, "e": 1.56171384862,
+          "g": -0.0115858854478}, lossy(500, 0.8), (FAST,), ("z", 4.2)),
+    Case("G2b", "slider", TWICE, 1.3, 1, truths.height,
+         {"": 0.430773412982, "z": -0.254986992788, "vz": -0.0878635154851, "e": 0.514026014424,
+          "g": 0.0571112850653}, lossy(500, 0.8), (FAST,), ("z", 4.2)),
+    Case("G3", "slider", {}, 0.8, 1, truths.height, {"": 0.5861674599, "z": 0.7443554855},
+         (0.02, 0.1), (1e-3, 5e-4), ("z", 4.2), rigid=False),
+    Case("G3b", "slider", {}, 0.8, 1, truths.height, {"z": 0.645}, (0.1, 0.1),
+         (4e-3, 2e-3, 1e-3), ("z", 4.2), rigid=False),
+    Case("G4", "slider", {"z": RADIUS + 0.5, "vz": -1.0, "g": 0.0}, 2.0, 1, truths.height,
+         # A wall that pushes only; one that pulls as it leaves has 0.84405, -0.80035, -1.24423.
+         {"": 0.9526158815, "z": -0.8084243834, "vz": -1.2568280732}, (-50.0, -1.0),
+         (4e-3, 2e-3, 1e-3), ("z", 1.0), rigid=False),
+    Case("G7", "slider", {"z": RADIUS, "vx": 2.0, "mu": 0.5}, 0.8, 0, truths.stopped,
+         {"": 0.407747196738, "vx": 0.407747196738, "mu": -0.815494393476, "m": 0},
+         (0.02, 1.0), (1e-3,), ("vx", 4.9)),
+    Case("G8", "slider", {"z": RADIUS, "mu": 0.2, "theta": SLOPE}, 0.5, 0, truths.down,
+         {"": 0.295963658689, "theta": 1.21500705255, "mu": -1.11135992385},
+         (0.02, 1.0), (1e-3,), ("x", 1.0)),
+    Case("G10", "balls", {"x2": 0.52, "v1": 1.0}, 1.0, 2, truths.second_ball(0),
+         {"": 1.2, "x1": 1, "x2": 0, "v1": 1, "v2": 0}, STIFF, (FAST,), ("x1", -1.0)),
+    Case("G10b", "balls", MASSES, 1.0, 2, truths.second_ball(0),
+         {"": 1.245333333, "x1": 1.066666667, "x2": -0.066666667, "v1": 1.066666667,
+          "v2": -0.066666667, "m1": 0.120888889, "m2": -0.241777778, "e": 0.453333333},
+         lossy(500, 0.6), (FAST,), ("x1", -1.0)),
+    Case("G11x", "balls", BILLIARD, 1.0, 2, truths.second_ball(0),
+         {"": 2.17803977874, "y2": -2.91790291225, "v1": 0.859375},
+         (-2.5e6, 0.0), (1e-4,), ("x1", -2.0)),
+    Case("G11y", "balls", BILLIARD, 1.0, 3, truths.second_ball(1),
+         {"": 0.626540554083, "y2": 3.51644960458},
+         (-2.5e6, 0.0), (1e-4,), ("x1", -2.0)),
+    Case("G13", "slider", THROWN, 0.8, 0, truths.slid,
+         {"": 2.11889150725, "vx": 0.8, "mu": -2.81108492752, "e": -0.156171384862,
+          "z": 0.0238286151381}, lossy(500, 0.8), (FAST,), ("z", 4.2)),
+]  # fmt: skip
