@@ -206,17 +206,19 @@ def test_precision_counts_what_goes_wrong(monkeypatch):
 
 @pytest.mark.slow
 def test_gradients_with_known_answers(tmp_path):
-    run("gradient_cases.py", "--cases", "G3b", "--phases", 8, "--out", tmp_path)
-    rows = json.loads((tmp_path / "gradient_cases.json").read_text())["rows"]
-    spread = {row["method"]: row["spread"] for row in rows if row["dt"] == 1e-3}
-    assert spread["entry times"] < 0.1 * spread["program"]
+    ways = ("program", "entry times", "MuJoCo")
+    run("gradients.py", "--cases", "G3b", "--phases", 8, "--ways", *ways, "--out", tmp_path)
+    rows = json.loads((tmp_path / "gradients.json").read_text())["rows"]
+    (row,) = (row for row in rows if row["ms"] == 1)
+    assert row["entry times ±"] < 0.1 * row["program ±"]
+    assert row["program"] == pytest.approx(row["MuJoCo"], rel=1e-3)
 
 
 @pytest.mark.slow
 def test_gradients_are_accurate(tmp_path):
     sizes = ("--batch", 4, "--steps", 3, "--states", 4, "--repetitions", 2)
-    run("gradients.py", "--models", "double_pendulum", *sizes, "--out", tmp_path)
-    (row,) = json.loads((tmp_path / "gradients.json").read_text())["rows"]
+    run("gradient_cost.py", "--models", "double_pendulum", *sizes, "--out", tmp_path)
+    (row,) = json.loads((tmp_path / "gradient_cost.json").read_text())["rows"]
     assert row["error"] < 1e-3
     assert row["float64 to differences"] < 1e-5
     assert row["forwards"] > 1
