@@ -38,16 +38,18 @@ def main(arguments=None) -> None:
             print(common.table(new, columns(new)), flush=True)
             rows += new
     record = {"phases": options.phases, "rows": rows}
-    if not options.dry:
-        figures = gradient_figures.measured(RUN)
-        record["figures"] = {name: np.asarray(x).tolist() for name, x in figures.items()}
+    if options.dry or options.cases:
+        common.write(options, __file__, record)
+        return
+    figures = gradient_figures.measured(RUN)
+    record["figures"] = {name: np.asarray(x).tolist() for name, x in figures.items()}
     common.write(options, __file__, record, lambda f: gradient_figures.draw(f, rows, figures))
 
 
 def _options(arguments) -> argparse.Namespace:
     parser = common.parser(__doc__, repetitions=1)
     parser.add_argument("--phases", type=int, default=PHASES, help="starts within two time steps")
-    parser.add_argument("--cases", nargs="*", help="names of cases (default: all)")
+    parser.add_argument("--cases", nargs="*", help="names of cases, without figures (default: all)")
     parser.add_argument("--ways", nargs="+", default=list(WAYS), choices=WAYS)
     return parser.parse_args(arguments)
 
