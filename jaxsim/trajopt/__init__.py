@@ -8,9 +8,11 @@ from jaxsim.trajopt.problem import Problem, ProblemError, make_problem
 from jaxsim.trajopt.sampling import CEM, MPPI, PredictiveSampling
 from jaxsim.trajopt.shooting import Shooting
 from jaxsim.trajopt.solving import Method, solve
+from jaxsim.trajopt.state_limits import AugmentedLagrangian
 
 __all__ = [
     "CEM",
+    "AugmentedLagrangian",
     "ILQR",
     "MPPI",
     "InverseDynamics",

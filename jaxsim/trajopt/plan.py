@@ -35,7 +35,7 @@ class Iterate:
       cost: their cost.
       status: a `PlanStatus`.
       gains: feedback gains of the tangent space, or None.
-      defect: largest gap between a state and where the step before it leads.
+      defect: by how much constraints are violated.
       memory: the method's own.
     """
 
@@ -61,8 +61,8 @@ class Plan:
       history: cost after each iteration, of which the first only evaluates the guess where a method
         needs that; NaN for those that were not made.
       gains: feedback gains K for `u = ctrls[t] + K (x - states[t])` in the tangent space, or None.
-      defect: largest gap between a state and where the step before it leads; zero but for multiple
-        shooting.
+      defect: by how much constraints are violated: forces that are missing, limits on states that
+        are exceeded.
     """
 
     ctrls: Float[Array, "T nu"]

@@ -1,7 +1,8 @@
 """`Problem`: what is to be optimised.
 
     minimise   sum_t running_cost(x_t, u_t, t) + final_cost(x_T)
-    over u     with x_{t+1} = step(x_t, u_t), x_0 = start, low <= u_t <= high
+    over u     with x_{t+1} = step(x_t, u_t), x_0 = start, low <= u_t <= high,
+                    state_limits(x_t) <= 0
 
 T is the horizon. States may be of any kind that a `Space` knows how to move in.
 """
@@ -47,6 +48,7 @@ class Problem:
       low: least controls; may be infinite.
       high: greatest controls.
       frame_skip: steps of the dynamics for which a control is held.
+      state_limits: `(x)` to numbers (m,) that are to be at most zero, or None.
     """
 
     step: Callable[[Any, Float[Array, "nu"]], Any]
@@ -58,6 +60,7 @@ class Problem:
     low: Float[Array, "nu"]
     high: Float[Array, "nu"]
     frame_skip: int = 1
+    state_limits: Callable[[Any], Float[Array, "m"]] | None = None
 
     def replace(self, **changes: Any) -> "Problem":
         """The same problem but for some attributes."""
@@ -124,6 +127,7 @@ def make_problem(
     nu: int | None = None,
     control_limits: tuple[Any, Any] | None = None,
     frame_skip: int = 1,
+    state_limits: Callable[[Any], Any] | None = None,
 ) -> Problem:
     """An optimal control problem, judged before anything is compiled.
 
@@ -137,6 +141,8 @@ def make_problem(
       nu: number of controls, where dynamics are a function and there are no limits.
       control_limits: least and greatest controls, numbers or arrays (nu,), in place of the model's.
       frame_skip: steps of the dynamics for which a control is held.
+      state_limits: `(x)` to an array (m,) of numbers that are to be at most zero for every state
+        but the first; see `AugmentedLagrangian`.
 
     Raises:
       ProblemError: the horizon is not positive, a cost is not a number, or shapes do not fit.
@@ -161,9 +167,12 @@ def make_problem(
         low=low,
         high=high,
         frame_skip=frame_skip,
+        state_limits=state_limits,
     )
     _check_cost("running_cost", running_cost, start, low, jnp.zeros((), int))
     _check_cost("final_cost", final_cost, start)
+    if state_limits is not None:
+        _check_limits(state_limits, start)
     if not isinstance(dynamics, Model):
         _check_step(step, start, low)
     return problem
@@ -231,6 +240,12 @@ def _check_cost(name, cost, *arguments):
     found = jax.eval_shape(cost, *arguments)
     shape = getattr(found, "shape", None)
     _expect(shape == (), f"{name} must return a number, got {_described(found)}")
+
+
+def _check_limits(limits, start):
+    found = jax.eval_shape(limits, start)
+    shape = getattr(found, "shape", ())
+    _expect(len(shape) == 1, f"state_limits must return an array (m,), got {_described(found)}")
 
 
 def _check_step(step, start, ctrl):

@@ -13,6 +13,7 @@ from jaxtyping import Array, Float
 
 from jaxsim.trajopt.plan import Iterate, Plan, PlanStatus
 from jaxsim.trajopt.problem import Problem, ProblemError
+from jaxsim.trajopt.state_limits import AugmentedLagrangian
 
 
 class Method(Protocol):
@@ -64,11 +65,13 @@ def solve(
       The plan. Trouble is in its `status`, never an exception.
 
     Raises:
-      ProblemError: the guess has the wrong shape, the method has no iterations, or there is a guess
-        and several starts.
+      ProblemError: the guess has the wrong shape, the method has no iterations or does not know
+        limits on states, or there is a guess and several starts.
     """
     if method.iterations < 1:
         raise ProblemError(f"iterations must be at least 1, got {method.iterations}")
+    if problem.state_limits is not None and not isinstance(method, AugmentedLagrangian):
+        raise ProblemError("the problem has state_limits; use AugmentedLagrangian(method)")
     run = _watched if progress else _compiled
     return run(problem, method, *_guesses(problem, ctrls, key, starts))
 
