@@ -12,9 +12,9 @@ from jaxsim.trajopt.state_limits import AugmentedLagrangian
 
 __all__ = [
     "CEM",
-    "AugmentedLagrangian",
     "ILQR",
     "MPPI",
+    "AugmentedLagrangian",
     "InverseDynamics",
     "Iterate",
     "Method",

@@ -9,6 +9,7 @@ penalty rho grows unless the violation has become much smaller (Hestenes 1969, P
 """
 
 import dataclasses
+from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -17,7 +18,7 @@ from flax import struct
 from jaxtyping import Array, Float, Int
 
 from jaxsim.trajopt.plan import Iterate, PlanStatus, shifted
-from jaxsim.trajopt.problem import Problem
+from jaxsim.trajopt.problem import Problem, ProblemError
 
 # Multipliers change when the method is at rest, or after so many iterations.
 _PATIENCE = 25
@@ -68,7 +69,7 @@ class AugmentedLagrangian:
     def start(self, problem: Problem, ctrls: Float[Array, "T nu"], key: jax.Array) -> Iterate:
         """Without multipliers."""
         kind = ctrls.dtype
-        size = jax.eval_shape(problem.state_limits, problem.start).shape[0]
+        size = jax.eval_shape(_limits_of(problem), problem.start).shape[0]
         inner = self.method.start(problem, ctrls, key)
         return inner.replace(
             memory=_Memory(
@@ -85,7 +86,7 @@ class AugmentedLagrangian:
         """One iteration of the method, and other multipliers if it is at rest."""
         memory = now.memory
         inner = self.method.improve(_lagrangian(problem, memory), memory.inner)
-        g = jax.vmap(problem.state_limits)(inner.states).at[0].set(-jnp.inf)
+        g = jax.vmap(_limits_of(problem))(inner.states).at[0].set(-jnp.inf)
         violation = jnp.max(g, initial=0)
         rests = inner.status != PlanStatus.RUNNING
         over = rests & ((violation <= self.tolerance) | (inner.status == PlanStatus.DIVERGED))
@@ -117,12 +118,19 @@ class AugmentedLagrangian:
         return memory.replace(inner=begun.replace(states=memory.inner.states))
 
 
+def _limits_of(problem: Problem) -> Callable[[Any], Float[Array, "m"]]:
+    if problem.state_limits is None:
+        raise ProblemError("AugmentedLagrangian needs a problem with state_limits")
+    return problem.state_limits
+
+
 def _lagrangian(problem: Problem, memory: _Memory) -> Problem:
     """The problem whose cost is L."""
+    limits = _limits_of(problem)
 
     def penalty(x, t):
         mu, rho = memory.multipliers[t], memory.penalty
-        push = jnp.maximum(mu + rho * problem.state_limits(x), 0)
+        push = jnp.maximum(mu + rho * limits(x), 0)
         return (push @ push - mu @ mu) / (2 * rho)
 
     def running_cost(x, u, t):

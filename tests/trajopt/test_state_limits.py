@@ -72,3 +72,5 @@ def test_what_is_refused():
     problem = linear.problem().replace(state_limits=below)
     with pytest.raises(trajopt.ProblemError, match="AugmentedLagrangian"):
         trajopt.solve(problem, trajopt.ILQR())
+    with pytest.raises(trajopt.ProblemError, match="a problem with state_limits"):
+        trajopt.solve(linear.problem(), trajopt.AugmentedLagrangian(trajopt.ILQR()))
