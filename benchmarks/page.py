@@ -239,6 +239,15 @@ SECTIONS = (
         ),
     ),
     Section(
+        "policy_gradients",
+        "Policy gradients against the horizon",
+        "Derivatives of the reward for speed over some steps with respect to an offset of all "
+        "actions, beside central differences of a width of 0.1: cosine of the means over "
+        "environments, median cosine of single ones, ratio of the means' norms, median and "
+        "largest norm. See docs/gradients.md.",
+        plain(),
+    ),
+    Section(
         "contact",
         "Laws of contact",
         "Errors (m) of a mass that slides to rest, is lifted by that, slides down a slope, and its "

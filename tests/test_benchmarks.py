@@ -214,6 +214,27 @@ def test_gradients_with_known_answers(tmp_path):
     assert row["program"] == pytest.approx(row["MuJoCo"], rel=1e-3)
 
 
+def test_agreement_of_policy_gradients(common):
+    """Two environments: one agrees, one is opposite and twice as long."""
+    import policy_gradients
+
+    found, expected = np.array([[1.0, 0.0], [0.0, -2.0]]), np.array([[1.0, 0.0], [0.0, 1.0]])
+    agreement = policy_gradients.compare(found, expected)
+    np.testing.assert_allclose(agreement["cosine"], -1 / np.sqrt(10))
+    np.testing.assert_allclose(agreement["ratio"], np.sqrt(2.5))
+    assert (agreement["of one"], agreement["norm"], agreement["largest"]) == (0.0, 1.5, 2.0)
+
+
+@pytest.mark.slow
+def test_policy_gradients_of_one_step(tmp_path):
+    """A single step's gradient is that of differences."""
+    sizes = ("--envs", "half_cheetah", "--softening", 1, "--batch", 16)
+    run("policy_gradients.py", *sizes, "--out", tmp_path)
+    first, *_ = json.loads((tmp_path / "policy_gradients.json").read_text())["rows"]
+    assert first["steps"] == 1
+    assert first["cosine"] > 0.99
+
+
 @pytest.mark.slow
 def test_gradients_are_accurate(tmp_path):
     sizes = ("--batch", 4, "--steps", 3, "--states", 4, "--repetitions", 2)

@@ -132,9 +132,9 @@ class SHAC(Algorithm):
         samples = config.envs // devices * config.horizon
         check_minibatches(samples, config.minibatches, "envs * horizon")
         self.network = TanhGaussianPolicy(
-            env.action_size, config.policy.hidden, config.policy.activation
+            env.action_size, config.policy.hidden, config.policy.activation, layer_norm=True
         )
-        self.value = Value(config.value.hidden, config.value.activation)
+        self.value = Value(config.value.hidden, config.value.activation, layer_norm=True)
         self.adam = Adam(config.max_grad_norm, config.momentum)
 
     def init(self, key) -> Learner:
