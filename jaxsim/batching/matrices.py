@@ -7,7 +7,7 @@ import functools
 
 import jax.numpy as jnp
 from jax import lax
-from jax.scipy.linalg import cho_solve
+from jax.scipy.linalg import cho_solve, solve_triangular
 from jaxtyping import Array, Float, Int
 
 from jaxsim.batching.primitives.one_at_a_time import one_at_a_time
@@ -21,6 +21,19 @@ def cholesky(A: Float[Array, "n n"]) -> Float[Array, "n n"]:
 def cholesky_solve(L: Float[Array, "n n"], b: Float[Array, "n ..."]) -> Float[Array, "n ..."]:
     """`(L L^T)^-1 b`."""
     return one_at_a_time(lambda L, b: [cho_solve((L, True), b)])(L, b)[0]
+
+
+def triangular_solve(
+    T: Float[Array, "n n"], b: Float[Array, "n ..."], *, lower: bool
+) -> Float[Array, "n ..."]:
+    """`T^-1 b`; the other triangle of T is not read."""
+    return one_at_a_time(lambda T, b: [solve_triangular(T, b, lower=lower)])(T, b)[0]
+
+
+def eigh(A: Float[Array, "n n"]) -> tuple[Float[Array, "n"], Float[Array, "n n"]]:
+    """Eigenvalues, in ascending order, and eigenvectors, as columns, of a symmetric matrix."""
+    values, vectors = one_at_a_time(lambda A: list(jnp.linalg.eigh(A)))(A)
+    return values, vectors
 
 
 def solve(A: Float[Array, "n n"], b: Float[Array, "n"]) -> Float[Array, "n"]:

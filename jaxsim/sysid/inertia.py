@@ -18,6 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxsim.batching.matrices import eigh
 from jaxsim.model import Model
 from jaxsim.spatial import quat_from_matrix, quat_mul, quat_normalize, quat_to_matrix
 from jaxsim.sysid.errors import SysidError
@@ -73,7 +74,7 @@ def principal_axes(
 
 
 def _principal(inertia):
-    moments, R = jnp.linalg.eigh(inertia)
+    moments, R = eigh(inertia)
     R = R * jnp.where(jnp.linalg.det(R) < 0, -1.0, 1.0)
     apart = float(jnp.finfo(inertia.dtype).eps) ** 0.5 * moments[2]
     return moments + apart * jnp.arange(3.0, dtype=R.dtype), quat_from_matrix(R), R

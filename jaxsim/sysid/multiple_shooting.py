@@ -15,6 +15,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxsim.batching.matrices import cholesky, cholesky_solve
 from jaxsim.solver.levenberg_marquardt import LeastSquares, damped_diagonal, promise
 from jaxsim.sysid.prediction import Noise, predict, residual
 from jaxsim.sysid.recording import Windows
@@ -155,6 +156,5 @@ def _eliminated(normal: Normal, extra: Float[Array, "W s"]):
 def _solve(H: Float[Array, "n n"], b: Float[Array, "n k"]) -> Float[Array, "n k"]:
     """`H^-1 b` of a positive definite matrix, scaled to a diagonal of ones."""
     scale = jax.lax.rsqrt(jnp.diagonal(H))
-    factor = jnp.linalg.cholesky(H * scale[:, None] * scale[None, :])
-    half = jax.scipy.linalg.solve_triangular(factor, scale[:, None] * b, lower=True)
-    return scale[:, None] * jax.scipy.linalg.solve_triangular(factor.T, half, lower=False)
+    factor = cholesky(H * scale[:, None] * scale[None, :])
+    return scale[:, None] * cholesky_solve(factor, scale[:, None] * b)

@@ -13,8 +13,9 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 from jax import lax
-from jax.scipy.linalg import solve_triangular
 from jaxtyping import Array, Float
+
+from jaxsim.batching.matrices import cholesky, triangular_solve
 
 
 class Pentadiagonal(NamedTuple):
@@ -42,14 +43,14 @@ class Pentadiagonal(NamedTuple):
             A, B, C, b = row
             N = _right_divide(C, L2)
             M = _right_divide(B - N @ M1.T, L1)
-            L = lax.linalg.cholesky(A - M @ M.T - N @ N.T, symmetrize_input=False)
-            y = solve_triangular(L, b - M @ y1 - N @ y2, lower=True)
+            L = cholesky(A - M @ M.T - N @ N.T)
+            y = triangular_solve(L, b - M @ y1 - N @ y2, lower=True)
             return ((L, M, y), (L1, y1)), (L, M, N, y)
 
         def backwards(carry, row):
             (M1, x1), (N1, N2, x2) = carry
             L, M, N, y = row
-            x = solve_triangular(L.T, y - M1.T @ x1 - N2.T @ x2, lower=False)
+            x = triangular_solve(L.T, y - M1.T @ x1 - N2.T @ x2, lower=False)
             return ((M, x), (N, N1, x1)), x
 
         start = (eye, zero, none), (eye, none)
@@ -80,4 +81,4 @@ def later(x: Float[Array, "T *m"]) -> Float[Array, "T *m"]:
 
 def _right_divide(X: Float[Array, "m m"], L: Float[Array, "m m"]) -> Float[Array, "m m"]:
     """`X L^-T` for a lower triangular L."""
-    return solve_triangular(L, X.T, lower=True).T
+    return triangular_solve(L, X.T, lower=True).T

@@ -15,7 +15,7 @@ import numpy as np
 from flax import struct
 from jaxtyping import Array, Float
 
-from jaxsim.batching import vmap
+from jaxsim.batching import matrices, vmap
 from jaxsim.lanes import as_kernel
 from jaxsim.lanes.switch import lanes_enabled
 from jaxsim.trajopt.problem import Problem
@@ -93,7 +93,7 @@ def second_order(cost: Callable, origin: Float[np.ndarray, "n"]) -> Callable:
 
     def gradient_and_hessian(*at):
         hessian, gradient = derivatives(*at)
-        values, vectors = jnp.linalg.eigh((hessian + hessian.T) / 2)
+        values, vectors = matrices.eigh((hessian + hessian.T) / 2)
         return gradient, (vectors * jnp.maximum(values, 0)[None]) @ vectors.T
 
     return gradient_and_hessian

@@ -23,7 +23,7 @@ from flax import struct
 from jax import lax
 from jaxtyping import Array, Float
 
-from jaxsim.batching import vmap
+from jaxsim.batching import matrices, vmap
 from jaxsim.constraint.laws import RIGID, Blur
 from jaxsim.model import Model
 from jaxsim.trajopt.lagrangian import (
@@ -208,7 +208,7 @@ def _after(
     surprise = gaps(model, problem, trial, blur) - at.missing_after(step)
     by_ctrls = at.slopes[:, :, 3 * model.nv :]
     least = 1e-9 * jnp.eye(model.nu, dtype=step.dtype)
-    correct = jax.vmap(lambda B, c: jnp.linalg.solve(B.T @ B + least, B.T @ c))
+    correct = jax.vmap(lambda B, c: matrices.solve(B.T @ B + least, B.T @ c))
     return trial.replace(ctrls=trial.ctrls - correct(by_ctrls, surprise))
 
 

@@ -10,7 +10,9 @@ import pytest
 from vmap_compare import assert_equal, assert_same, compiled, with_derivatives
 
 import jaxsim
+from jaxsim import trajopt
 from jaxsim.batching import matrices
+from jaxsim.trajopt.banded import Pentadiagonal
 
 RNG = np.random.default_rng(0)
 A = RNG.normal(size=(3, 4, 4))
@@ -18,14 +20,17 @@ B = RNG.normal(size=(3, 4))
 
 
 def solved(A, b):
-    """By LU and by Cholesky factors of one matrix."""
+    """By LU, by Cholesky factors and by eigenvalues of one matrix."""
     S = A @ A.T + jnp.eye(4)
-    return matrices.solve(A, b), matrices.cholesky_solve(matrices.cholesky(S), b)
+    L = matrices.cholesky(S)
+    half = matrices.triangular_solve(L, b, lower=True)
+    return matrices.solve(A, b), matrices.cholesky_solve(L, b), half @ half, matrices.eigh(S)[0]
 
 
 def expected(A, b):
     S = A @ A.T + jnp.eye(4)
-    return jnp.linalg.solve(A, b), jax.scipy.linalg.cho_solve((jnp.linalg.cholesky(S), True), b)
+    x = jax.scipy.linalg.cho_solve((jnp.linalg.cholesky(S), True), b)
+    return jnp.linalg.solve(A, b), x, b @ x, jnp.linalg.eigvalsh(S)
 
 
 def mapped(f, axes):
@@ -86,7 +91,27 @@ def test_no_batch_for_lapack_in_steps_that_users_map(name):
     def slope(state):
         return jax.grad(lambda v: jaxsim.step(model, state.replace(qvel=v)).qvel.sum())(state.qvel)
 
-    program = jax.jit(jax.vmap(slope)).lower(state).as_text()
+    assert _unbatched_calls(jax.vmap(slope), state) == {"spotrf", "sgetrf", "strsm"}
+
+
+@pytest.mark.skipif(jax.default_backend() != "cpu", reason="LAPACK is the library of a CPU")
+def test_no_batch_for_lapack_in_plans_that_users_map():
+    """Nor for the Hessians of the steps, which the method itself maps over."""
+
+    def planned(x):
+        problem = trajopt.make_problem(
+            lambda x, u: x + u, x, horizon=3, running_cost=lambda x, u, t: x @ x + u @ u, nu=2
+        )
+        return trajopt.solve(problem, trajopt.ILQR(iterations=2)).cost
+
+    assert "ssyevd" in _unbatched_calls(jax.vmap(planned), jnp.ones((5, 2)))
+    rows = Pentadiagonal(*jnp.ones((3, 5, 4, 2, 2)))
+    assert _unbatched_calls(jax.vmap(Pentadiagonal.solve), rows, jnp.ones((5, 4, 2)))
+
+
+def _unbatched_calls(f, *args) -> set[str]:
+    """Names of the functions of LAPACK in a program; none gets more than one matrix."""
+    program = jax.jit(f).lower(*args).as_text()
     calls = re.findall(r"@lapack_(\w+)_ffi.*-> *(.*)", program)
-    assert {call for call, _ in calls} == {"spotrf", "sgetrf", "strsm"}
     assert not [kind for _, kind in calls if re.search(r"tensor<\d+x\d+x\d+x", kind)]
+    return {call for call, _ in calls}
