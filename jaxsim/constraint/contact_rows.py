@@ -90,14 +90,19 @@ class ContactRows:
         parts = [(G @ cdof.T) * mask[:, None] for G, mask in zip(maps, masks, strict=True)]
         return sum(parts[1:], parts[0])
 
-    def turned(self, axes: Float[Array, "njnt 3 3"]) -> "ContactRows | LinkRows":
-        """As `LinkRows` if both links may move, because their frames are different then."""
-        if self.coupled:
-            return self._as_maps().turned(axes)
-        (side,) = self.sides
-        turn = side.link.of_links(axes)
-        arm = jax.vmap(jnp.matmul)(side.arm, turn)
-        return ContactRows(self.frame @ turn, (Side(arm, side.link, side.sign),), self.condim)
+    def turned(self, axes: Float[Array, "njnt 3 3"]) -> LinkRows:
+        """As `LinkRows`, because the frames of both sides are different then.
+
+        Maps are also more accurate: with them `G^T W G` keeps the rank of W, where a stiffness that
+        is moved by long arms may hide the inertia of a slender body about its axis.
+        """
+        sides = []
+        for s in self.sides:
+            turn = s.link.of_links(axes)
+            arm = jax.vmap(jnp.matmul)(s.arm, turn)
+            own = ContactRows(self.frame @ turn, (Side(arm, s.link, s.sign),), self.condim)
+            sides += own._as_maps().sides
+        return LinkRows(tuple(sides))
 
     def restricted(self, components: Components) -> "ContactRows | LinkRows":
         """As `LinkRows`, because maps from few components are smaller than frames and arms."""

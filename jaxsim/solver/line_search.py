@@ -63,15 +63,15 @@ class Line:
         """Whether alpha = 1, the minimum of phi's quadratic model, is the minimum of phi.
 
         This is so if no row changes zone up to there and if the slope there is zero up to rounding.
-        The slope is tested, because an inaccurate step of an ill-conditioned Hessian may even
-        increase the objective.
+        The slope is tested, because a step of an ill-conditioned Hessian may be inaccurate, and
+        another one refines it, or even increase the objective.
         """
         quadratic = jnp.ones((), bool)
         for block, r, v in self._blocks():
             quadratic = quadratic & block.is_quadratic(r, r + v)
         first, second = self.slopes(jnp.ones_like(self.curvature))
         eps = jnp.finfo(first.dtype).eps
-        left = jnp.sqrt(eps) * self.descent + self.rounding + 8 * eps * second
+        left = 128 * eps * self.descent + self.rounding + 8 * eps * second
         return quadratic & (jnp.abs(first) <= left)
 
     def _blocks(self):

@@ -9,8 +9,8 @@ If no row changes zone along the full step, and the slope at its end is zero up 
 step ends at the minimum: there is no line search and the solve ends.
 
 Two conditions are not MuJoCo's. A step that is not finite is rejected and ends the loop. And if a
-step gains no more than rounding and the gradient no longer decreases, the loop ends whatever the
-tolerance.
+step gains no more than rounding, the gradient no longer decreases and the next step promises
+little, the loop ends whatever the tolerance.
 """
 
 from typing import NamedTuple
@@ -25,6 +25,9 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxsim.solver.line_search import line_search, make_line
 from jaxsim.solver.operator import Lifted, LinearStatus, Operator
 from jaxsim.solver.problem import Problem
+
+# A step that promises to gain more than this many rounding errors of the cost is worth a try.
+PROMISING = 100.0
 
 
 @struct.dataclass
@@ -175,12 +178,15 @@ def _step(search: _Search, state: _Iterate) -> _Iterate:
     problem, operator = search.problem, search.operator
     residual = lax.optimization_barrier(_residual(search, state.y))
     gradient = _norm(residual)
-    over = search.scale * gradient <= search.tolerance
-    # If the last step gained only rounding, it still converges if it reduced the gradient by half.
-    over = over | (state.exhausted & (gradient > 0.5 * state.gradient))
     curvatures = problem.curvatures(operator.rows(state.y))
     ys, linear = operator.solve(curvatures, residual)
     line = make_line(problem, operator, search.force, residual, state.y, ys)
+    promise = 0.5 * jnp.abs(line.descent)
+    # Steps that gained only rounding are the last, unless they halved the gradient or the next one
+    # promises much more: in a corner between zones it takes short steps to find the right one.
+    spent = state.exhausted & (gradient > 0.5 * state.gradient)
+    spent = spent & ~(promise > PROMISING * line.cost_rounding)
+    over = (search.scale * gradient <= search.tolerance) | spent
     length = _norm(operator.vector(ys))
     slope = search.tolerance * search.ls_tolerance * length / search.scale
     ends = line.ends_at_one()
@@ -192,7 +198,7 @@ def _step(search: _Search, state: _Iterate) -> _Iterate:
     y = jax.tree.map(lambda a, b: a + alpha * b, state.y, ys)
     small = (search.scale * improvement < search.tolerance) & (improvement > 0)
     # A step promises half the slope. If that is rounding, a failed line search is convergence.
-    stuck = ~moved & (0.5 * jnp.abs(line.descent) <= line.cost_rounding)
+    stuck = ~moved & (promise <= line.cost_rounding)
     converged = over | small | stuck | ends
     return _Iterate(
         y=_where(moved, y, state.y),
