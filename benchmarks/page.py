@@ -276,6 +276,14 @@ SECTIONS = (
         ),
     ),
     Section(
+        "mpc",
+        "Control by planning anew",
+        "One iteration of iLQR over the whole horizon for each control, kernels on: time until the "
+        "control is known, beside the interval for which it is applied. End: tilt of the rods half "
+        "a horizon after the swing-up, or how far a trotting quadruped came.",
+        plain(*"task,horizon,compile s,interval ms,median ms,95 % ms,end".split(",")),
+    ),
+    Section(
         "coverage",
         "What loads",
         "Every XML file below some folders that MuJoCo compiles and that has degrees of freedom. "
