@@ -23,11 +23,11 @@ from jaxsim.dynamics.rnea import bias_forces, generalized_force, wrench_on_links
 from jaxsim.dynamics.tendons.inertia import has_tendon_inertia, tendon_bias
 from jaxsim.engine.instant import Instant
 from jaxsim.engine.integrators import INTEGRATORS, Step
+from jaxsim.engine.kernels import steps_are_kernels
 from jaxsim.engine.status import Status
 from jaxsim.forces.actuation import Actuation, actuation
 from jaxsim.forces.passive import PassiveForces, passive_forces
 from jaxsim.lanes import as_kernel, with_pullback_kernel
-from jaxsim.lanes.switch import lanes_enabled
 from jaxsim.model import Model, State
 from jaxsim.model.inputs import admit, admit_array
 
@@ -77,8 +77,7 @@ def whole_step(model: Model, state: State, ctrl: Float[Array, "nu"] | None = Non
     """`step` as a `Step`: with its status and the state at which forces were evaluated last."""
     model, state, ctrl = admit(model, state, ctrl)
     advance = functools.partial(_step, model)
-    # A kernel knows all numbers of its model.
-    if lanes_enabled() and is_traced((state, ctrl)) and not is_traced(model):
+    if steps_are_kernels(model) and is_traced((state, ctrl)):
         by_kernel = with_pullback_kernel if model.backward.reverse_only else as_kernel
         advance = by_kernel(advance)
     return advance(state, ctrl)

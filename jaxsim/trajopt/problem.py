@@ -18,10 +18,10 @@ from jax import lax
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
-import jaxsim.engine as engine
 from jaxsim.arrays.checkpoint import checkpoint
 from jaxsim.model import JaxsimError, Model, State, make_state
 from jaxsim.trajopt.space import Space, StateSpace, VectorSpace, stack
+from jaxsim.trajopt.steps import ModelSteps, steps_of
 
 Ctrls = Float[Array, "T nu"]
 Scalar = Float[Array, ""]
@@ -65,6 +65,15 @@ class Problem:
     def replace(self, **changes: Any) -> "Problem":
         """The same problem but for some attributes."""
         return dataclasses.replace(self, **changes)
+
+    def reverse_only(self) -> "Problem":
+        """The same problem for a method that takes derivatives in reverse mode only, and once.
+
+        Where steps of its model are kernels, so are their derivatives.
+        """
+        if not isinstance(self.step, ModelSteps):
+            return self
+        return self.replace(step=self.step.reverse_only())
 
     def rollout(self, ctrls: Ctrls) -> tuple[Any, Scalar]:
         """States (T+1, ...) under these controls, and their cost."""
@@ -152,13 +161,13 @@ def make_problem(
         _whole(frame_skip) and frame_skip > 0,
         f"frame_skip must be a positive integer, got {frame_skip!r}",
     )
-    step, space, start, nu = _system(dynamics, start, nu, control_limits)
+    space, start, nu = _system(dynamics, start, nu, control_limits)
     kind = jnp.result_type(*jax.tree.leaves(start))
     if control_limits is None and isinstance(dynamics, Model):
         control_limits = _model_limits(dynamics)
     low, high = _limits(control_limits, nu, kind)
     problem = Problem(
-        step=_repeated(step, frame_skip),
+        step=steps_of(dynamics, frame_skip),
         space=space,
         start=start,
         horizon=int(horizon),
@@ -174,12 +183,12 @@ def make_problem(
     if state_limits is not None:
         _check_limits(state_limits, start)
     if not isinstance(dynamics, Model):
-        _check_step(step, start, low)
+        _check_step(dynamics, start, low)
     return problem
 
 
 def _system(dynamics, start, nu, limits):
-    """The step, the space, the first state and the number of controls."""
+    """The space, the first state and the number of controls."""
     if isinstance(dynamics, Model):
         start = make_state(dynamics) if start is None else start
         _expect(
@@ -192,8 +201,7 @@ def _system(dynamics, start, nu, limits):
             "starts with jax.vmap",
         )
         _expect(dynamics.nu > 0, "the model has no actuators")
-        model = dynamics
-        return (lambda x, u: engine.step(model, x, u)), StateSpace(model), start, model.nu
+        return StateSpace(dynamics), start, dynamics.nu
     _expect(
         callable(dynamics),
         f"dynamics must be a jaxsim.Model or a function (x, u) -> x, got {type(dynamics).__name__}",
@@ -203,14 +211,7 @@ def _system(dynamics, start, nu, limits):
         _expect(limits is not None, "dynamics that are a function need nu or control_limits")
         nu = max(np.size(limit) for limit in limits)
     start = jax.tree.map(lambda x: jnp.asarray(x) * 1.0, start)
-    return dynamics, VectorSpace(ravel_pytree(start)[0].size), start, nu
-
-
-def _repeated(step, count):
-    """Several steps with one control."""
-    if count == 1:
-        return step
-    return lambda x, u: lax.scan(lambda x, _: (step(x, u), None), x, None, length=count)[0]
+    return VectorSpace(ravel_pytree(start)[0].size), start, nu
 
 
 def _model_limits(model: Model):

@@ -33,6 +33,7 @@ class Shooting:
 
     def improve(self, problem: Problem, now: Iterate) -> Iterate:
         """Evaluate a point, keep it if it is the best, and go on to the next."""
+        problem = problem.reverse_only()
         ctrls, memory = now.memory
 
         def value(ctrls):

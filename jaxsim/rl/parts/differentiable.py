@@ -1,6 +1,5 @@
 """Environments for reverse mode, with bounded memory and bounded gradients."""
 
-import dataclasses
 from typing import Any
 
 import jax
@@ -9,10 +8,9 @@ from flax import struct
 from jaxtyping import Array, Bool, Float
 
 from jaxsim.arrays.checkpoint import checkpoint
-from jaxsim.arrays.memo import is_traced
+from jaxsim.engine.kernels import reverse_only, steps_are_kernels
 from jaxsim.envs import EnvState, TimeLimit, Wrapper, extended
 from jaxsim.gradients import clip_cotangent
-from jaxsim.lanes.switch import lanes_enabled
 from jaxsim.rl.parts.collect import Actors
 
 # Gradients with larger entries count as overflow.
@@ -40,11 +38,10 @@ class Differentiable(Wrapper):
         """Act for one step."""
         state, action = clip_cotangent((state, action), self.limit)
         model = self.env.model
-        if not lanes_enabled() or is_traced(model):
+        if not steps_are_kernels(model):
             return checkpoint(self.env.step)(state, action)
         # Kernels store no more than states by themselves.
-        backward = dataclasses.replace(model.backward, reverse_only=True)
-        return self.env.with_model(model.replace(backward=backward)).step(state, action)
+        return self.env.with_model(reverse_only(model)).step(state, action)
 
 
 def cut_episodes(env: Any, steps: int | None) -> Any:
