@@ -6,7 +6,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 from flax import struct
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from jaxsim.trajopt.problem import Problem
 
@@ -61,8 +61,8 @@ class Plan:
       history: cost after each iteration, of which the first only evaluates the guess where a method
         needs that; NaN for those that were not made.
       gains: feedback gains K for `u = ctrls[t] + K (x - states[t])` in the tangent space, or None.
-      defect: by how much constraints are violated: forces that are missing, limits on states that
-        are exceeded.
+      defect: by how much constraints are violated: forces that are missing, gaps between states,
+        limits on states that are exceeded.
     """
 
     ctrls: Float[Array, "T nu"]
@@ -109,6 +109,13 @@ def first_iterate(problem: Problem, ctrls: Float[Array, "T nu"], memory: Any) ->
 
 def keep_best(now: Iterate, ctrls: Float[Array, "T nu"], states: Any, cost: Array) -> Iterate:
     """The same with other controls, where these cost less."""
+    return keep_where(cost < now.cost, now, ctrls, states, cost)
+
+
+def keep_where(
+    better: Bool[Array, ""], now: Iterate, ctrls: Float[Array, "T nu"], states: Any, cost: Array
+) -> Iterate:
+    """The same with other controls, where these are better."""
     new, old = (ctrls, states, cost), (now.ctrls, now.states, now.cost)
-    kept = jax.tree.map(lambda new, old: jnp.where(cost < now.cost, new, old), new, old)
+    kept = jax.tree.map(lambda new, old: jnp.where(better, new, old), new, old)
     return now.replace(**dict(zip(("ctrls", "states", "cost"), kept, strict=True)))

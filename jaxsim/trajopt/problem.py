@@ -81,21 +81,28 @@ class Problem:
         return states, cost
 
     def follow(
-        self, policy: Callable[[Any, Any], Float[Array, "nu"]], inputs: Any
+        self,
+        policy: Callable[[Any, Any], Float[Array, "nu"]],
+        inputs: Any,
+        jumps: Float[Array, "T n"] | None = None,
     ) -> tuple[Any, Ctrls, Scalar]:
-        """States (T+1, ...), controls and cost under `u_t = policy(x_t, inputs[t])`."""
+        """States (T+1, ...), controls and cost under `u_t = policy(x_t, inputs[t])`.
+
+        Where there are jumps, each is a tangent vector by which a state moves after its step.
+        """
         advance = checkpoint(self.step)
 
         def body(carry, now):
-            (x, total), (t, given) = carry, now
+            (x, total), (t, given, jump) = carry, now
             u = policy(x, given)
             total = total + self.running_cost(x, u, t)
             x = advance(x, u)
+            x = x if jump is None else self.space.retract(x, jump)
             return (x, total), (x, u)
 
         zero = jnp.zeros((), self.low.dtype)
         steps = jnp.arange(self.horizon)
-        (last, total), (states, ctrls) = lax.scan(body, (self.start, zero), (steps, inputs))
+        (last, total), (states, ctrls) = lax.scan(body, (self.start, zero), (steps, inputs, jumps))
         return stack(self.start, states), ctrls, total + self.final_cost(last)
 
     def total_cost(self, states: Any, ctrls: Ctrls) -> Scalar:

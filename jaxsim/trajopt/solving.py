@@ -65,7 +65,7 @@ def solve(
       The plan. Trouble is in its `status`, never an exception.
 
     Raises:
-      ProblemError: the guess has the wrong shape, the method has no iterations or does not know
+      ProblemError: a guess has the wrong shape, the method has no iterations or does not know
         limits on states, or there is a guess and several starts.
     """
     if method.iterations < 1:

@@ -95,7 +95,9 @@ class AugmentedLagrangian:
         ended = (rests | (memory.age >= _PATIENCE)) & ~over
         memory = jax.tree.map(lambda a, b: jnp.where(ended, a, b), again, following)
         status = jnp.where(over, inner.status, PlanStatus.RUNNING)
-        return inner.replace(status=status, memory=memory, defect=violation)
+        return inner.replace(
+            status=status, memory=memory, defect=jnp.maximum(violation, inner.defect)
+        )
 
     def shift(self, now: Iterate) -> Iterate:
         """The method's iterate and the multipliers one step later."""
