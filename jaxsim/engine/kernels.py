@@ -2,6 +2,8 @@
 
 import dataclasses
 
+import jax
+
 from jaxsim.arrays.memo import is_traced
 from jaxsim.lanes.switch import lanes_enabled
 from jaxsim.model import Model
@@ -15,8 +17,9 @@ def steps_are_kernels(model: Model) -> bool:
 def reverse_only(model: Model) -> Model:
     """The model for a program that takes derivatives in reverse mode only, and once.
 
-    Where its steps are kernels, so are their derivatives. Anywhere else it is the same model.
+    Where its steps are kernels on a CPU, so are their derivatives. Anywhere else it is the same
+    model: a GPU's driver would take minutes to compile a kernel of this size.
     """
-    if not steps_are_kernels(model):
+    if jax.default_backend() != "cpu" or not steps_are_kernels(model):
         return model
     return model.replace(backward=dataclasses.replace(model.backward, reverse_only=True))
