@@ -8,7 +8,7 @@ from flax import struct
 from jaxtyping import Array, Bool, Float
 
 from jaxsim.arrays.checkpoint import checkpoint
-from jaxsim.engine.kernels import reverse_only, steps_are_kernels
+from jaxsim.engine.kernels import reverse_only
 from jaxsim.envs import EnvState, TimeLimit, Wrapper, extended
 from jaxsim.gradients import clip_cotangent
 from jaxsim.rl.parts.collect import Actors
@@ -22,7 +22,7 @@ class Differentiable(Wrapper):
     """The same environment, prepared for reverse mode through many steps.
 
     The backward pass recomputes each step, so that a rollout stores only states and accelerations;
-    where steps are kernels, so is their derivative.
+    where steps are kernels on a CPU, so is their derivative.
     The cotangent of each step is bounded. If it is not finite (after a simulation has diverged and
     `AutoReset` has replaced it), it is set to zero, and this environment adds nothing to the
     gradient. If its norm exceeds `limit`, it is scaled down, because products of Jacobians grow
@@ -37,11 +37,11 @@ class Differentiable(Wrapper):
     def step(self, state: EnvState, action: Float[Array, "nu"]) -> EnvState:
         """Act for one step."""
         state, action = clip_cotangent((state, action), self.limit)
-        model = self.env.model
-        if not steps_are_kernels(model):
+        model = reverse_only(self.env.model)
+        if not model.backward.reverse_only:
             return checkpoint(self.env.step)(state, action)
         # Kernels store no more than states by themselves.
-        return self.env.with_model(reverse_only(model)).step(state, action)
+        return self.env.with_model(model).step(state, action)
 
 
 def cut_episodes(env: Any, steps: int | None) -> Any:
