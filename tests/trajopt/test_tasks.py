@@ -18,5 +18,5 @@ def test_solved(name, monkeypatch):
     plan = trajopt.solve(problem, task.method, starts=task.starts)
     assert task.distance(problem, plan) <= task.goal
     assert np.isfinite(plan.cost)
-    assert np.all(plan.ctrls <= problem.high)
-    assert np.all(plan.ctrls >= problem.low)
+    assert np.all(np.asarray(plan.ctrls) <= np.asarray(problem.high))
+    assert np.all(np.asarray(plan.ctrls) >= np.asarray(problem.low))
