@@ -115,8 +115,12 @@ class Body:
                 value = self._emit(f"icmp ne {vector} {value}, {zero}")
             return value
         value = self._emit(f"load {scalar}, {self.array} {address}, align {size}")
+        return self._spread(value, scalar, kind)
+
+    def _spread(self, value: str, scalar: str, kind: int) -> str:
+        """A number of this type in memory for all lanes."""
         if kind == BOOL:
-            value = self._emit(f"icmp ne i8 {value}, 0")
+            value = self._emit(f"icmp ne {scalar} {value}, 0")
         out = self.code.fresh()
         self.out += ["  " + line for line in self.code.spread(out, value, kind)]
         return out
@@ -207,11 +211,7 @@ class Body:
         scalar = "i32" if kind == BOOL else scalar_name(kind)
         address = self._emit(f"getelementptr {scalar}, ptr {self.e.table(pack)}, i32 {place}")
         value = self._emit(f"load {scalar}, ptr {address}")
-        if kind == BOOL:
-            value = self._emit(f"icmp ne i32 {value}, 0")
-        out = self.code.fresh()
-        self.out += ["  " + line for line in self.code.spread(out, value, kind)]
-        return out
+        return self._spread(value, scalar, kind)
 
     def _mask(self, mask: int) -> str:
         if mask == ALL_LANES:
