@@ -66,7 +66,7 @@ class Outcome:
     qpos: np.ndarray
     qvel: np.ndarray
     converged: np.ndarray
-    dipped: np.ndarray  # whether any body was below the floor, at the end or, if known, before
+    dipped: np.ndarray | None = None  # whether a body was below the floor at any time, if known
 
 
 def main(arguments=None) -> None:
@@ -199,8 +199,7 @@ def jaxsim_outcome(scenes: list[Scene], steps: int, x64: bool) -> Outcome:
         model = jax.tree.map(lambda *leaves: jnp.stack(leaves), *models)
         qvel = jnp.asarray(np.stack([scene.qvel for scene in scenes]), model.qpos0.dtype)
         found = jax.jit(jaxsim.vmap(run), compiler_options=QUICK)(model, qvel)
-        qacc, qpos, qvel, converged = map(np.asarray, found)
-        return Outcome(qacc, qpos, qvel, converged, _below(qpos))
+        return Outcome(*map(np.asarray, found))
 
 
 def neighbours(scene: Scene, steps: int) -> np.ndarray:

@@ -1,5 +1,6 @@
 """Settings and fixtures of the whole suite: strict JAX, two CPU devices, MuJoCo as the oracle."""
 
+import importlib
 import os
 from importlib import resources
 from pathlib import Path
@@ -44,6 +45,7 @@ def few_memory_maps():
 
 
 ASSETS = resources.files("jaxsim") / "assets"
+BENCHMARKS = Path(__file__).parent.parent / "benchmarks"
 
 
 @pytest.fixture
@@ -63,6 +65,13 @@ def rng() -> np.random.Generator:
 def key() -> jax.Array:
     """A random key with a fixed seed."""
     return jax.random.key(0)
+
+
+@pytest.fixture
+def benchmark_module(monkeypatch):
+    """Function from the name of a benchmark's module to it, imported as the benchmarks do."""
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    return importlib.import_module
 
 
 @pytest.fixture

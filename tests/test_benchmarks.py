@@ -29,30 +29,21 @@ def run(script: str, *arguments) -> str:
 
 
 @pytest.fixture
-def common(monkeypatch):
+def common(benchmark_module):
     """The shared helpers, imported as the scripts import them."""
-    monkeypatch.syspath_prepend(str(SCRIPTS))
-    import common
-
-    return common
+    return benchmark_module("common")
 
 
 @pytest.fixture
-def gpu(monkeypatch):
+def gpu(benchmark_module):
     """The benchmark of GPUs."""
-    monkeypatch.syspath_prepend(str(SCRIPTS))
-    import gpu
-
-    return gpu
+    return benchmark_module("gpu")
 
 
 @pytest.fixture
-def page(monkeypatch):
+def page(benchmark_module):
     """The generator of the benchmarks' page."""
-    monkeypatch.syspath_prepend(str(SCRIPTS))
-    import page
-
-    return page
+    return benchmark_module("page")
 
 
 def test_page_is_that_of_the_results(page):
@@ -188,10 +179,9 @@ def test_precision_of_a_few_scenes(tmp_path):
     assert rows["float32"]["qacc error, median"] < 1e-3
 
 
-def test_precision_counts_what_goes_wrong(monkeypatch):
+def test_precision_counts_what_goes_wrong(benchmark_module):
     """Of three scenes one is right, one ends below the floor, one is not finite."""
-    monkeypatch.syspath_prepend(str(SCRIPTS))
-    import precision
+    precision = benchmark_module("precision")
 
     rng = np.random.default_rng(0)
     scenes = [precision.draw(rng, "box", "elliptic") for _ in range(3)]
@@ -267,10 +257,9 @@ def test_throughput_of_all_cores(tmp_path):
     assert max(rows[peer]["qacc error"] for peer in ("jaxsim", "vmap")) < 1e-3
 
 
-def test_kernels_of_a_program_are_counted(monkeypatch):
+def test_kernels_of_a_program_are_counted(benchmark_module):
     """Those of a branch apart, and of a table only the row that is read."""
-    monkeypatch.syspath_prepend(str(SCRIPTS))
-    import gpu_programs
+    gpu_programs = benchmark_module("gpu_programs")
 
     def rollout(x, table):
         def body(x, row):
@@ -290,9 +279,8 @@ def test_kernels_of_a_program_are_counted(monkeypatch):
 
 
 @pytest.mark.parametrize("way", ["_compiled", "_vector"])
-def test_environments_are_stepped(way, monkeypatch):
-    monkeypatch.syspath_prepend(str(SCRIPTS))
-    import environments
+def test_environments_are_stepped(way, benchmark_module):
+    environments = benchmark_module("environments")
 
     getattr(environments, way)("inverted_pendulum", 4, 2)()
 

@@ -99,25 +99,15 @@ def test_soft_bounce(solref, truth, error, spread):
     assert slopes.std() < spread
 
 
-def damping_of(restitution: float) -> float:
-    """The damping ratio of a spring that loses so much; it ends where its force ends."""
-    low, high = 0.0, 0.9
-    for _ in range(60):
-        zeta = (low + high) / 2
-        q = math.sqrt(1 - zeta**2)
-        e = math.exp(-zeta / q * (math.pi - math.atan2(2 * zeta * q, 1 - 2 * zeta**2)))
-        low, high = (zeta, high) if e > restitution else (low, zeta)
-    return zeta
-
-
-def test_rigid_bounces():
+def test_rigid_bounces(benchmark_module):
     """Cases G1 and G2 by stiff springs, of 1e6 / s^2 at steps of 0.1 ms: to 2 per cent."""
     omega = 1e3
     value, jacobian = bounce(True, (1.0, -2.0), (-(omega**2), 0.0), 0.0, 1e-4, 10000, 4e-4)
     z, slope = value[:, 0].mean(), jacobian[:, 0].mean(axis=0)
     assert z == pytest.approx(1.2, rel=0.02)
     np.testing.assert_allclose(slope, [-1, -1], rtol=0.02)
-    solref = -(omega**2), -2 * damping_of(0.8) * omega
+    damping = benchmark_module("gradient_truths").damping_of(0.8)
+    solref = -(omega**2), -2 * damping * omega
     value, jacobian = bounce(True, (1.0, 0.0), solref, G, 1e-4, 8000, 8.4e-4)
     z, slope = value[:, 0].mean(), jacobian[:, 0].mean(axis=0)
     assert z == pytest.approx(0.671884927515, rel=0.02)

@@ -1,7 +1,5 @@
 """Cases with known answers: their closed forms, and rigid contacts at steps of 20 ms."""
 
-import pathlib
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,17 +10,13 @@ from oracle import quick_jit
 import jaxsim
 from jaxsim.gradients import Backward
 
-BENCHMARKS = pathlib.Path(__file__).parents[2] / "benchmarks"
 STEP = 0.02
 
 
 @pytest.fixture
-def cases(monkeypatch):
-    """The module with the cases, imported as the benchmark imports it."""
-    monkeypatch.syspath_prepend(str(BENCHMARKS))
-    import gradient_cases
-
-    return gradient_cases
+def cases(benchmark_module):
+    """The module with the cases."""
+    return benchmark_module("gradient_cases")
 
 
 @pytest.fixture

@@ -4,15 +4,10 @@ import pathlib
 
 import pytest
 
-SCRIPTS = pathlib.Path(__file__).parents[2] / "benchmarks"
-
 
 @pytest.fixture
-def training(monkeypatch):
-    monkeypatch.syspath_prepend(str(SCRIPTS))
-    import training
-
-    return training
+def training(benchmark_module):
+    return benchmark_module("training")
 
 
 def run(seed, returns, env="hopper"):
@@ -44,6 +39,6 @@ def test_tasks_without_a_goal_are_listed_too(training):
 
 
 def test_goals_have_tuned_settings(training):
-    configs = SCRIPTS.parent / "configs"
+    configs = pathlib.Path(training.__file__).parents[1] / "configs"
     for env in training.GOALS:
         assert (configs / training.USUAL.get(env, "ppo") / f"{env}.yaml").is_file()
