@@ -116,6 +116,8 @@ def _draw(figure, rows: list[dict]) -> None:
         line[0].set_ylabel(f"cost of {task}")
     for axes, label in zip(grid[-1], ("iterations", "simulated steps", "seconds"), strict=True):
         axes.set_xlabel(label)
+    for axes in grid[:, 2]:  # so few decades that numbers in between would overlap
+        axes.xaxis.set_minor_formatter("")
     grid[0, 0].legend()
 
 
