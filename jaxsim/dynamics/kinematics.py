@@ -133,14 +133,14 @@ def _base_index(model: Model, bodies: np.ndarray) -> np.ndarray:
 def _link_poses(model: Model, links: Links, qpos, base: Pose) -> Pose:
     """World poses of the links, composed from the roots outward."""
     tree = model.tree
-    displacement = _joint_poses(model, links, qpos)
+    displacement = joint_poses(model, links, qpos)
     local = jax.vmap(Pose.__matmul__)(links.offset, displacement)
     below = model.body_parentid[model.jnt_bodyid[tree.order[: tree.nroot]]]
     root = jax.tree.map(lambda a: take(a, _base_index(model, below)), base)
     return outward(tree, lambda above, x, _: (above @ x, ()), root, local)[0]
 
 
-def _joint_poses(model: Model, links: Links, qpos) -> Pose:
+def joint_poses(model: Model, links: Links, qpos) -> Pose:
     """Displacements of all joints, in tree order."""
     tree = model.tree
     q, q0 = (position_rows(model, x, tree.order) for x in (qpos, model.qpos0))

@@ -16,6 +16,8 @@ from jaxsim.engine.stepping import evaluate
 from jaxsim.model import Model, State
 from jaxsim.model.inputs import admit
 from jaxsim.quantities import body_forces
+from jaxsim.quantities.cameras import camera_frames
+from jaxsim.quantities.joint_frames import joint_frames
 from jaxsim.quantities.momentum import subtree_velocities
 from jaxsim.quantities.motion_axes import cdof, cdof_dot
 
@@ -32,7 +34,11 @@ class ForwardDetails(Forward, ConstraintRows):
     `contact`, whose slots are their `efc_id`.
 
     Attributes:
+      xanchor: anchors of joints (m).
+      xaxis: their axes.
       ximat: orientations of the inertial frames.
+      cam_xpos: positions of cameras (m).
+      cam_xmat: their axes; they look along their negative z axes.
       cinert: inertias of bodies: six moments, mass times position, mass.
       crb: the same of their subtrees.
       cdof: motion axes.
@@ -47,6 +53,10 @@ class ForwardDetails(Forward, ConstraintRows):
       ten_velocity: their rates.
       ten_J: their Jacobian.
       actuator_moment: Jacobian of the lengths of actuators.
+      qfrc_spring: forces of springs of joints and tendons.
+      qfrc_damper: forces of dampers.
+      qfrc_gravcomp: gravity compensation, that of actuators included.
+      qfrc_fluid: drag.
       efc_type: numbers of `mujoco.mjtConstraint`.
       efc_id: equality, degree of freedom, joint, tendon or slot of the contact.
       efc_J: Jacobian.
@@ -59,7 +69,11 @@ class ForwardDetails(Forward, ConstraintRows):
       efc_force: force; that of all rows is `qfrc_constraint = efc_J^T efc_force`.
     """
 
+    xanchor: Float[Array, "njnt 3"]
+    xaxis: Float[Array, "njnt 3"]
     ximat: Float[Array, "nbody 3 3"]
+    cam_xpos: Float[Array, "ncam 3"]
+    cam_xmat: Float[Array, "ncam 3 3"]
     cinert: Float[Array, "nbody 10"]
     crb: Float[Array, "nbody 10"]
     cdof: Float[Array, "nv 6"]
@@ -74,6 +88,10 @@ class ForwardDetails(Forward, ConstraintRows):
     ten_velocity: Float[Array, "ntendon"]
     ten_J: Float[Array, "ntendon nv"]
     actuator_moment: Float[Array, "nu nv"]
+    qfrc_spring: Float[Array, "nv"]
+    qfrc_damper: Float[Array, "nv"]
+    qfrc_gravcomp: Float[Array, "nv"]
+    qfrc_fluid: Float[Array, "nv"]
 
 
 @full_precision
@@ -97,8 +115,33 @@ def forward_details(
     now = evaluate(model, state, ctrl)
     plain, rows = report(now, state), constraint_rows(now.motion, now.constrained)
     return ForwardDetails(
-        **vars(plain), **vars(rows), **_spatial(now, state), **_lengths(now, state)
+        **vars(plain),
+        **vars(rows),
+        **_frames(now, state),
+        **_spatial(now, state),
+        **_lengths(now, state),
+        **_passive(now),
     )
+
+
+def _frames(now: Instant, state: State) -> dict[str, Any]:
+    """Where joints and cameras are."""
+    model, kin = now.motion.model, now.motion.kin
+    xanchor, xaxis = joint_frames(model, kin, state.qpos)
+    cam_xpos, cam_xmat = camera_frames(model, kin)
+    return {
+        "xanchor": xanchor,
+        "xaxis": xaxis,
+        "ximat": kin.ximat,
+        "cam_xpos": cam_xpos,
+        "cam_xmat": cam_xmat,
+    }
+
+
+def _passive(now: Instant) -> dict[str, Any]:
+    """The parts of the passive force."""
+    names = ("qfrc_spring", "qfrc_damper", "qfrc_gravcomp", "qfrc_fluid")
+    return {name: getattr(now.passive, name) for name in names}
 
 
 def _spatial(now: Instant, state: State) -> dict[str, Any]:
@@ -114,7 +157,6 @@ def _spatial(now: Instant, state: State) -> dict[str, Any]:
     inertia = body_forces.body_inertias(model, kin)
     linvel, angmom = subtree_velocities(model, kin, vel)
     return moving | {
-        "ximat": kin.ximat,
         "cinert": body_forces.cinert(model, kin),
         "crb": body_forces.crb(model, kin),
         "cdof": cdof(model, kin),

@@ -8,4 +8,4 @@ from jaxsim.joints.slide import SLIDE
 
 JOINTS: dict[int, Joint] = {joint.number: joint for joint in (FREE, BALL, SLIDE, HINGE)}
 
-__all__ = ["JOINTS", "Joint"]
+__all__ = ["FREE", "JOINTS", "Joint"]

@@ -25,6 +25,14 @@ def lanes_enabled() -> bool:
     return _enabled
 
 
+def lanes_for_one() -> bool:
+    """Whether the program of a single environment becomes a kernel, which changes no setting.
+
+    It does where the extra `lanes` is installed, unless kernels were turned off.
+    """
+    return lanes_installed() if _enabled is None else _enabled
+
+
 @functools.cache
 def lanes_installed() -> bool:
     """Whether the compiler that kernels need is installed."""

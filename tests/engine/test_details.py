@@ -10,20 +10,24 @@ from oracle import quick_jit
 import jaxsim
 
 BODIES = (
-    "ximat cinert crb cdof cdof_dot cvel cacc cfrc_int cfrc_ext subtree_linvel subtree_angmom "
-    "ten_length ten_velocity ten_J actuator_moment"
+    "xanchor xaxis ximat cam_xpos cam_xmat cinert crb cdof cdof_dot cvel cacc cfrc_int cfrc_ext "
+    "subtree_linvel subtree_angmom ten_length ten_velocity ten_J actuator_moment "
+    "qfrc_spring qfrc_damper qfrc_gravcomp qfrc_fluid"
 ).split()
 ROWS = (
     "efc_type efc_J efc_pos efc_margin efc_frictionloss efc_D efc_vel efc_aref efc_force"
 ).split()
 
 XML = """
-<mujoco><compiler angle="radian"/><option timestep=".002" gravity="0 .5 -9"/><worldbody>
+<mujoco><compiler angle="radian"/>
+<option timestep=".002" gravity="0 .5 -9" density="20" viscosity=".01"/><worldbody>
+  <camera name="corner" pos="2 1 1" mode="targetbody" target="tip"/>
   <geom type="plane" size="5 5 1" condim="1"/>
   <body pos="0 0 .09"><freejoint/><geom size=".1" condim="4" friction=".7 .1 .05"/>
-    <body pos=".1 0 .1" euler="0 .3 0">
-      <joint name="slide" type="slide" axis="1 0 1" frictionloss=".2"/>
-      <joint name="hinge" axis="0 1 .3" range=".05 1" margin=".02" limited="true"/>
+    <body pos=".1 0 .1" euler="0 .3 0" gravcomp=".5"><camera pos="0 .1 0" euler="1 0 .2"/>
+      <joint name="slide" type="slide" axis="1 0 1" frictionloss=".2" stiffness="3"/>
+      <joint name="hinge" axis="0 1 .3" pos=".1 0 .1" range=".05 1" margin=".02" limited="true"
+        damping=".1"/>
       <geom type="capsule" size=".04" fromto="0 0 0 .1 .2 .3" contype="0" conaffinity="0"/>
       <body name="tip" pos=".1 .2 .3"><joint name="other" axis="1 0 .2"/>
         <geom size=".06" contype="0" conaffinity="0"/></body>

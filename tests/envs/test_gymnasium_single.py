@@ -15,6 +15,7 @@ import jaxsim.envs
 from jaxsim.envs.bridges import gymnasium_id, register_gymnasium, single
 from jaxsim.envs.bridges.constant import Constant
 from jaxsim.envs.registry import entries
+from jaxsim.lanes import switch
 
 UNBOUNDED = "ignore:.*Box observation space m.*imum value is -?infinity.*:UserWarning"
 
@@ -31,6 +32,17 @@ def test_every_environment_has_an_id():
     assert {"jaxsim/HalfCheetah-v0", "jaxsim/Walker2d-v0", "jaxsim/Ant-v0"} <= ids
     assert ids <= set(gymnasium.registry)
     assert len(ids) == len(jaxsim.envs.names())
+
+
+@pytest.mark.parametrize(("setting", "kernels"), [(None, 1), (False, 0)])
+def test_its_step_is_a_kernel_unless_they_are_off(monkeypatch, setting, kernels):
+    made = []
+    monkeypatch.setattr(single, "as_kernel", lambda f: made.append(f) or f)
+    monkeypatch.setattr(single, "_step", single._step.__wrapped__)
+    monkeypatch.setattr(switch, "_enabled", setting)
+    monkeypatch.setattr(switch, "lanes_installed", lambda: True)
+    single.GymnasiumEnv("fast").reset(seed=0)
+    assert len(made) == kernels
 
 
 def test_registering_twice_changes_nothing():

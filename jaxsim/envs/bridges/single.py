@@ -16,7 +16,7 @@ from jaxsim.envs.bridges.fork import check_fork
 from jaxsim.envs.bridges.words import Words
 from jaxsim.envs.registry.entries import make
 from jaxsim.lanes import as_kernel
-from jaxsim.lanes.switch import lanes_enabled
+from jaxsim.lanes.switch import lanes_for_one
 from jaxsim.parallel.devices import compiled
 
 
@@ -171,7 +171,7 @@ def _restart(constant: Constant) -> tuple[Callable, Words]:
 def _step(constant: Constant, layout: Words) -> tuple[Callable, packing.Results]:
     """The compiled function `(words, action) -> words`, and how results are read from these."""
     advance = functools.partial(batch.guarded_step, constant.value)
-    if lanes_enabled():
+    if lanes_for_one():
         advance = as_kernel(advance)
 
     def step(words, action):
