@@ -1,5 +1,6 @@
 """Trajectory optimisation: one problem, several ways to solve it."""
 
+from jaxsim.trajopt.ddp import DDP
 from jaxsim.trajopt.ilqr import ILQR
 from jaxsim.trajopt.inverse_dynamics import InverseDynamics
 from jaxsim.trajopt.plan import Iterate, Plan, PlanStatus
@@ -12,6 +13,7 @@ from jaxsim.trajopt.state_limits import AugmentedLagrangian
 
 __all__ = [
     "CEM",
+    "DDP",
     "ILQR",
     "MPPI",
     "AugmentedLagrangian",

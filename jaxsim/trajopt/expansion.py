@@ -42,18 +42,21 @@ class Expansion:
     final_hessian: Float[Array, "n n"]
 
 
-def expand(problem: Problem, states: Any, ctrls: Float[Array, "T nu"]) -> Expansion:
-    """The problem near states (T+1, ...) and controls.
+def expand(
+    problem: Problem, states: Any, ctrls: Float[Array, "T nu"], *, convex: bool = True
+) -> Expansion:
+    """The problem near states (T+1, ...) and controls; dynamics are taken to first order.
 
-    Dynamics are taken to first order (Gauss-Newton). Directions in which a cost is concave count as
-    flat, so that each step's subproblem is convex.
+    Args:
+      problem: the problem.
+      states: along the trajectory.
+      ctrls: along the trajectory.
+      convex: whether directions in which a cost is concave count as flat, so that each step's
+        subproblem is convex.
     """
     space, n = problem.space, problem.space.size
-    before, after = jax.tree.map(lambda x: x[:-1], states), jax.tree.map(lambda x: x[1:], states)
-    origin = np.zeros(n + ctrls.shape[1], ctrls.dtype)  # known to kernels
-
-    def stepped(z, x, u, y):
-        return space.difference(y, problem.step(space.retract(x, z[:n]), u + z[n:]))
+    points = points_of(states, ctrls)
+    origin = _origin(problem)
 
     def running(z, x, u, t):
         return problem.running_cost(space.retract(x, z[:n]), u + z[n:], t)
@@ -61,11 +64,36 @@ def expand(problem: Problem, states: Any, ctrls: Float[Array, "T nu"]) -> Expans
     def final(dx, x):
         return problem.final_cost(space.retract(x, dx))
 
-    jacobian, defect = vmap(linearised(stepped, origin))(before, ctrls, after)
+    jacobian, defect = vmap(linearised(deviation(problem), origin))(*points)
     steps = jnp.arange(problem.horizon)
-    gradient, hessian = jax.vmap(second_order(running, origin))(before, ctrls, steps)
+    gradient, hessian = jax.vmap(second_order(running, origin, convex))(*points[:2], steps)
     last = jax.tree.map(lambda x: x[-1], states)
-    return Expansion(jacobian, defect, gradient, hessian, *second_order(final, origin[:n])(last))
+    ends = second_order(final, origin[:n], convex)(last)
+    return Expansion(jacobian, defect, gradient, hessian, *ends)
+
+
+def points_of(states: Any, ctrls: Float[Array, "T nu"]) -> tuple[Any, Float[Array, "T nu"], Any]:
+    """State, control and next state of every step, (T, ...)."""
+    return jax.tree.map(lambda x: x[:-1], states), ctrls, jax.tree.map(lambda x: x[1:], states)
+
+
+def deviation(problem: Problem) -> Callable[..., Float[Array, "n"]]:
+    """Where a step leads beside a point, as a function of z and of this point."""
+    space, n = problem.space, problem.space.size
+    return lambda z, x, u, y: space.difference(y, problem.step(space.retract(x, z[:n]), u + z[n:]))
+
+
+def curvature_of_dynamics(problem: Problem) -> Callable[..., Float[Array, "n+nu n+nu"]]:
+    """Hessian of `costate' deviation(z)`, as a function of the costate and of a point."""
+    f = deviation(problem)
+    slope = jax.grad(lambda z, costate, *point: costate @ f(z, *point))
+    origin = _origin(problem)
+    return lambda costate, point: jax.jacfwd(slope)(origin, costate, *point)
+
+
+def _origin(problem: Problem) -> Float[np.ndarray, "n+nu"]:
+    """Known to kernels, therefore of numpy."""
+    return np.zeros(problem.space.size + problem.low.shape[0], problem.low.dtype)
 
 
 def linearised(f: Callable, origin: Float[np.ndarray, "n"]) -> Callable:
@@ -87,12 +115,14 @@ def linearised(f: Callable, origin: Float[np.ndarray, "n"]) -> Callable:
     return jacobian_and_value
 
 
-def second_order(cost: Callable, origin: Float[np.ndarray, "n"]) -> Callable:
-    """Gradient of `cost(z, *at)`, and the nearest positive semidefinite matrix to its Hessian."""
+def second_order(cost: Callable, origin: Float[np.ndarray, "n"], convex: bool = True) -> Callable:
+    """Gradient of `cost(z, *at)` and its Hessian, or the nearest positive semidefinite matrix."""
     derivatives = linearised(jax.grad(cost), origin)
 
     def gradient_and_hessian(*at):
         hessian, gradient = derivatives(*at)
+        if not convex:
+            return gradient, hessian
         values, vectors = matrices.eigh((hessian + hessian.T) / 2)
         return gradient, (vectors * jnp.maximum(values, 0)[None]) @ vectors.T
 

@@ -96,12 +96,12 @@ class ILQR:
         better = trial.cost + trial.open * worth < now.cost + worth
         damping = _next_damping(now.memory.damping, better)
         now = keep_where(better, now, trial.ctrls, trial.states, trial.cost)
-        near = expand(problem, now.states, now.ctrls)
+        near = self._expansion(problem, now)
         if self.states is not None:
             closed = (better & (trial.open == 0)) | (now.defect == 0)
             near = near.replace(defect=jnp.where(closed, 0, near.defect))
         low, high = problem.low[None] - now.ctrls, problem.high[None] - now.ctrls
-        policy = backward(near, low, high, damping)
+        policy = self._policy(problem, now, near, low, high, damping)
         memory = now.memory._replace(offset=policy.offset, promise=policy.promise, damping=damping)
         now = now.replace(gains=policy.gains, memory=memory)
         if self.states is not None:
@@ -120,6 +120,14 @@ class ILQR:
             cost=jnp.full_like(now.cost, jnp.inf),
             memory=memory,
         )
+
+    def _expansion(self, problem: Problem, now: Iterate) -> Expansion:
+        return expand(problem, now.states, now.ctrls)
+
+    def _policy(
+        self, problem: Problem, now: Iterate, near: Expansion, low, high, damping
+    ) -> Policy:
+        return backward(near, low, high, damping)
 
     def _with_gaps(self, now: Iterate, near: Expansion, policy: Policy) -> Iterate:
         worth = worth_of_gaps(near, policy, now.cost, self.tolerance)

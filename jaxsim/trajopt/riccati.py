@@ -7,14 +7,20 @@ With the value `V(dx) = v' dx + 1/2 dx' P dx` of what follows a step,
 
 and the policy is `du = k + K dx`: k minimises `1/2 du' Q_uu du + Q_u' du` within the bounds, and
 K is `-Q_uu^-1 Q_ux` for the controls that no bound holds (Tassa et al. 2014).
+
+Differential dynamic programming (Mayne 1966) adds the curvature of the dynamics to all three: the
+Hessian of `(v + P c)' f(z)`, with f the next deviation. Then Q_uu may be indefinite, and the policy
+is found with the absolute values of its eigenvalues in their place.
 """
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
+from jaxsim.batching import matrices
 from jaxsim.trajopt.box_qp import box_qp, restricted_solve
 from jaxsim.trajopt.expansion import Expansion
 
@@ -42,23 +48,31 @@ def backward(
     low: Float[Array, "T nu"],
     high: Float[Array, "T nu"],
     damping: Float[Array, ""],
+    bending: Callable[[Float[Array, "n"], Any], Float[Array, "n+nu n+nu"]] | None = None,
+    points: Any = None,
 ) -> Policy:
-    """The policy of a linear-quadratic problem.
+    """The policy of a linear-quadratic problem, or of one with curved dynamics.
 
     Args:
       near: the problem.
       low: how far each control may fall.
       high: how far it may rise.
       damping: added to the diagonal of Q_uu while the policy is sought, so that steps are shorter.
+      bending: from a costate and a point to the Hessian of their product with the dynamics.
+      points: of all steps, (T, ...).
     """
     n = near.defect.shape[1]
 
     def body(value, now):
-        (v, p), (jacobian, defect, gradient, hessian, low, high) = value, now
-        slope = gradient + jacobian.T @ (v + p @ defect)
+        (v, p), (jacobian, defect, gradient, hessian, low, high, point) = value, now
+        costate = v + p @ defect
+        slope = gradient + jacobian.T @ costate
         curvature = hessian + jacobian.T @ p @ jacobian
+        if bending is not None:
+            curvature = curvature + bending(costate, point)
         q_u, q_uu, q_ux = slope[n:], curvature[n:, n:], curvature[n:, :n]
-        damped = q_uu + damping * jnp.eye(len(q_u), dtype=q_u.dtype)
+        convex = q_uu if bending is None else _absolute(q_uu)
+        damped = convex + damping * jnp.eye(len(q_u), dtype=q_u.dtype)
         k, free = box_qp(damped, q_u, low, high)
         gains = -restricted_solve(damped, free, q_ux)
         promise = -(q_u @ k + 0.5 * k @ q_uu @ k)
@@ -69,9 +83,15 @@ def backward(
         return before, Policy(k, gains, v, p, promise)
 
     end = (near.final_gradient, near.final_hessian)
-    inputs = (near.jacobian, near.defect, near.gradient, near.hessian, low, high)
+    inputs = (near.jacobian, near.defect, near.gradient, near.hessian, low, high, points)
     _, policy = lax.scan(body, end, inputs, reverse=True)
     return policy._replace(promise=policy.promise.sum())
+
+
+def _absolute(matrix: Float[Array, "m m"]) -> Float[Array, "m m"]:
+    """The matrix with absolute values of its eigenvalues."""
+    values, vectors = matrices.eigh(_symmetric(matrix))
+    return (vectors * jnp.abs(values)[None]) @ vectors.T
 
 
 def _symmetric(matrix: Float[Array, "n n"]) -> Float[Array, "n n"]:

@@ -1,5 +1,6 @@
 """Identification finds the numbers that data were made with, and says which it cannot find."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
@@ -8,6 +9,7 @@ from motions import recorded
 
 import jaxsim
 from jaxsim.sysid import Parameter, fit
+from jaxsim.sysid.inertia import from_log_cholesky, to_log_cholesky
 
 CART = """
 <mujoco><option timestep="0.01" gravity="0 0 0"/><worldbody><body name="cart">
@@ -115,7 +117,45 @@ def test_a_tossed_and_sliding_box(rng):
         data,
         ["mass[box]", "geom_friction[box, 0]", damping],
         noise=noise,
-        starts=4,
+        starts=64,
         iterations=40,
     )
-    np.testing.assert_allclose(np.exp(found.coordinates), [[1, 0.4, 0.3]] * 4, rtol=0.02)
+    np.testing.assert_allclose(np.exp(found.coordinates), [[1, 0.4, 0.3]] * 64, rtol=0.02)
+
+
+@pytest.mark.slow
+def test_inertias_of_an_arm_with_seven_joints(rng):
+    """Ten numbers of each link: mass matrix and weight come within 1 per cent."""
+    model = jaxsim.load("arm")
+    model = jaxsim.set_const(model.replace(dof_armature=jnp.full(7, 0.01)))
+    truth, spread = model, np.array([0.15, *[0.2] * 3, *[0.1] * 6])
+    for body in range(1, 8):
+        x, length = to_log_cholesky(truth, body)
+        truth = from_log_cholesky(truth, body, x + spread * rng.normal(size=10), length)
+    truth, noise = jaxsim.set_const(truth), (1e-4, 1e-3)
+    links = [Parameter(f"inertia[link{i}]", prior=0.3) for i in range(7)]
+    data = recorded(truth, *excitation(rng), rng, noise)
+    found = fit(model, data, links, noise=noise, window=50, iterations=60)
+    assert len(found.undetermined) > 20, "only sums of neighbours' inertias show"
+
+    def does(model, qpos):
+        zero = jnp.zeros(7)
+        return jaxsim.mass_matrix(model, qpos), jaxsim.inverse_dynamics(model, qpos, zero, zero)
+
+    poses = jnp.asarray(rng.uniform(-1.5, 1.5, size=(50, 7)))
+    (M, weight), (true_M, true_weight) = (
+        jax.tree.map(np.asarray, jax.vmap(does, (None, 0))(m, poses)) for m in (found.model, truth)
+    )
+    inertia = np.diagonal(true_M - np.diag(truth.dof_armature), axis1=1, axis2=2)
+    assert np.all(np.abs(np.diagonal(M - true_M, axis1=1, axis2=2)) < 0.01 * inertia)
+    assert np.all(np.abs(weight - true_weight) < 0.01 * np.abs(true_weight).max(0) + 1e-9)
+
+
+def excitation(rng):
+    """Three motions of two seconds: references of four frequencies for each joint."""
+    time = 0.004 * np.arange(500)[None, :, None]
+    waves = [
+        0.25 * rng.normal(size=(3, 1, 7)) * np.sin(2 * np.pi * (f * time + rng.random((3, 1, 7))))
+        for f in (0.3, 0.7, 1.3, 2.1)
+    ]
+    return np.zeros((3, 7)), np.zeros((3, 7)), sum(waves)
