@@ -1,6 +1,7 @@
 """`jaxsim train`: train a policy, with logs, checkpoints, a learning curve and a video."""
 
 import argparse
+import contextlib
 import datetime
 import pathlib
 import shlex
@@ -27,7 +28,9 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         prepare_cpu()
     try:
-        result = _train(arguments)
+        watch = _watch(arguments)
+        with contextlib.closing(watch) if watch else contextlib.nullcontext():
+            result = _train(arguments, watch)
     except (rl.ConfigError, CheckpointError) as error:
         raise UsageError(error) from error
     if distributed.is_main():
@@ -35,7 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 130 if result.interrupted else 0
 
 
-def _train(arguments: argparse.Namespace) -> Result:
+def _train(arguments: argparse.Namespace, watch: Watch | None) -> Result:
     algorithm, seed = arguments.algorithm or "ppo", arguments.seed
     directory, settings = arguments.out, arguments.config
     if arguments.resume:
@@ -51,7 +54,7 @@ def _train(arguments: argparse.Namespace) -> Result:
         directory=directory or _directory(arguments.env, algorithm),
         resume=arguments.resume is not None,
         progress=True,
-        watch=_watch(arguments),
+        watch=watch,
     )
 
 

@@ -18,6 +18,7 @@ class Watch:
         self._env, self._address = env, {"host": host, "port": port}
         self._played: live.Played | None = None
         self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._show, daemon=True)
 
     def __call__(self, policy: Any) -> None:
         """Show this policy from now on; the first one opens the page."""
@@ -26,11 +27,13 @@ class Watch:
             self._played.policy = policy
             return
         self._played = live.Played(self._env, policy)
-        threading.Thread(target=self._show, daemon=True).start()
+        self._thread.start()
 
     def close(self) -> None:
-        """End the page."""
+        """End the page, and wait until it has: a step that runs while Python ends aborts it."""
         self._ended.set()
+        if self._played is not None:
+            self._thread.join()
 
     def _show(self) -> None:
         assert self._played is not None

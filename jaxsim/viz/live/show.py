@@ -74,8 +74,9 @@ def in_window(source: Free) -> None:
     _check_display()
     show = _Show(source)
     pressed: list[int] = []
-    window = mujoco.viewer.launch_passive(show.drawn, show.data, key_callback=pressed.append)
     wishes = Wishes(Parameters.of(show.drawn), np.zeros(show.drawn.nu))
+    show.advance(wishes, 0.0)  # compiles
+    window = mujoco.viewer.launch_passive(show.drawn, show.data, key_callback=pressed.append)
     before = time.perf_counter()
     with window:
         while window.is_running():

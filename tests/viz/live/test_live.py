@@ -1,5 +1,8 @@
 """Live views: time, forces by the mouse, and what a page shows."""
 
+import os
+import shutil
+import subprocess
 import sys
 import threading
 
@@ -27,6 +30,30 @@ BALL = """
     </body>
   </worldbody>
 </mujoco>
+"""
+
+# Opens the window, closes it after .3 s of simulated time, and says how much was simulated.
+WINDOW = """
+import threading, time
+import mujoco.viewer
+import jaxsim
+from jaxsim.viz.live import Free, in_window
+
+launch, seen = mujoco.viewer.launch_passive, []
+
+def watched(model, data, **options):
+    window = launch(model, data, **options)
+    seen.append(data)
+    def close():
+        while data.time < 0.3:
+            time.sleep(0.05)
+        window.close()
+    threading.Thread(target=close, daemon=True).start()
+    return window
+
+mujoco.viewer.launch_passive = watched
+in_window(Free(jaxsim.load('''{xml}''')))
+print(seen[0].time)
 """
 
 
@@ -146,3 +173,26 @@ def test_a_page_shows_bodies_and_marks():
         np.testing.assert_allclose(page._bodies[1].position, [0, 0, 1])
     finally:
         page.close()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("Xvfb") is None, reason="needs a virtual display, Xvfb")
+def test_a_window_opens_on_a_display(tmp_path):
+    """MuJoCo's own window shows our steps; in a process of its own, whose display it is."""
+    read, write = os.pipe()
+    screen = ["Xvfb", "-displayfd", str(write), "-screen", "0", "800x600x24"]
+    display = subprocess.Popen(screen, pass_fds=[write], stderr=subprocess.DEVNULL)
+    try:
+        number = os.read(read, 16).decode().strip()
+        done = subprocess.run(
+            [sys.executable, "-c", WINDOW.format(xml=BALL)],
+            env={**os.environ, "DISPLAY": f":{number}", "MUJOCO_GL": "glfw"},
+            capture_output=True,
+            text=True,
+            timeout=300,
+        )
+    finally:
+        display.terminate()
+        display.wait()
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert float(done.stdout) > 0.3  # s, simulated while it was open
