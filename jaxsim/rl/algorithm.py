@@ -60,6 +60,16 @@ class Algorithm(abc.ABC):
           `jaxsim.rl.parts.collect.Episodes`.
         """
 
+    def learning(self, learner: Any, actors: Any) -> Metrics:
+        """The learning of an epoch without its simulation, to be timed.
+
+        Returns:
+          Scalars for which all of its work must be done; empty where learning is not a part by
+          itself.
+        """
+        del learner, actors
+        return {}
+
     @abc.abstractmethod
     def policy(self, learner: Any) -> Policy:
         """The present policy."""

@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections.abc import Mapping
 from typing import Any
 
 import rich.console
@@ -40,6 +41,11 @@ class Bar:
         """Show the progress of the training."""
         self._progress.reset(self._task, description=self._title, total=total_steps, completed=done)
         self._show(done, "-")
+
+    def pace(self, rates: Mapping[str, float]) -> None:
+        """Say steps per second of the parts of an epoch, in a line of its own."""
+        parts = ", ".join(f"{name} {rate:,.0f}" for name, rate in rates.items())
+        self._progress.console.print(f"steps/s of an epoch's parts: {parts}")
 
     def write(self, row: Row) -> None:
         """Show the newest row."""

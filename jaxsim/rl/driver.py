@@ -20,6 +20,7 @@ from jaxsim.rl.bar import Bar
 from jaxsim.rl.checkpoint import KEPT, Checkpoints
 from jaxsim.rl.lookup import ALGORITHMS, algorithm_class, algorithm_name, make_env
 from jaxsim.rl.networks import Policy
+from jaxsim.rl.pace import Pace
 from jaxsim.rl.parts import distributed
 from jaxsim.rl.parts.distributed import Training
 from jaxsim.rl.programs import Programs, Start, compile_all
@@ -157,6 +158,7 @@ class _Run:
         self.steps = 0
         self.history: list[metrics.Row] = []
         self.watch: Callable[[Policy], None] | None = None
+        self.timed: Callable[[Training, float], None] | None = None
 
     def go(self, folder: pathlib.Path | None, resume: bool, progress: bool) -> Result:
         """Open the directory, compile, train, save."""
@@ -174,12 +176,29 @@ class _Run:
             if bar is not None:
                 outputs.append(bar)
                 bar.training(self.settings.total_steps, self.steps)
+                self._show_pace(bar, start.template)
             training = programs.start() if training is None else training
             interrupts = stack.enter_context(Interrupts())
             training = self._loop(programs, training, interrupts, store, outputs)
             if bar is not None and not interrupts.seen:
                 bar.finish()
         return self._result(training, folder, interrupted=interrupts.seen)
+
+    def _show_pace(self, bar: Bar, template: Training) -> None:
+        """Have the bar say steps per second of simulating and of learning, once.
+
+        Not with several processes, of which all or none would have to run the program.
+        """
+        if jax.process_count() == 1:
+            pace = Pace(self.algorithm, self.mesh, template)
+
+            def timed(training: Training, seconds: float) -> None:
+                rates = pace.rates(training, seconds)
+                if rates:
+                    bar.pace(rates)
+                    self.timed = None
+
+            self.timed = timed
 
     def _bar(self, stack: contextlib.ExitStack, progress: bool) -> Bar | None:
         if not (progress and distributed.is_main()):
@@ -230,8 +249,11 @@ class _Run:
     def _loop(self, programs: Programs, training, interrupts, store, outputs) -> Training:
         done = False
         while not done:
+            before = time.perf_counter()
             training, numbers = programs.epoch(training)
             row = {name: float(value) for name, value in numbers.items()}
+            if self.timed is not None:
+                self.timed(training, time.perf_counter() - before)
             if self.watch is not None:
                 self.watch(programs.policy(training.learner))
             due = self._advance()

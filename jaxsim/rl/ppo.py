@@ -188,6 +188,25 @@ class PPO(Algorithm):
         learner = self.end_epoch(learner.replace(returns=returns), seen.obs, carry)
         return learner, PPOActors(envs, discounted), {**episodes.metrics(), **losses}
 
+    def learning(self, learner: Learner, actors: PPOActors):
+        """Learn from random numbers in the place of experience."""
+        del actors
+        keys = jax.random.split(learner.key, 3)
+        shape = self.config.unroll, self.config.envs // self.devices
+        obs = jax.random.normal(keys[0], (*shape, self.env.observation_size))
+        distribution = self.policy(learner).distribution(obs)
+        action, done = distribution.sample(keys[1]), obs[..., 0] > LIMIT
+        seen = Experience(
+            obs=obs,
+            action=self.scale(action),
+            extras=(action, distribution),
+            reward=obs[..., 0],
+            next_obs=obs,
+            terminated=done,
+            truncated=done,
+        )
+        return self.fit(learner, self.samples(learner, seen), keys[2])[1]
+
     def scale_rewards(self, learner: Learner, before, seen: Experience):
         """Rewards in units of the deviation of the discounted returns."""
         done = seen.terminated | seen.truncated

@@ -63,9 +63,6 @@ def compile_all(env: Env, algorithm: Algorithm, seed: int, mesh: Mesh, start: St
       start: the program that starts the training.
     """
     template = start.template
-    epoch = parallel(
-        lambda training: _epoch(algorithm, training), mesh, (SPECS,), (SPECS, EVERYWHERE), donate=0
-    )
     judge = parallel(
         lambda learner: _evaluate(env, algorithm, seed, mesh.size, learner),
         mesh,
@@ -75,7 +72,7 @@ def compile_all(env: Env, algorithm: Algorithm, seed: int, mesh: Mesh, start: St
     policy = parallel(algorithm.policy, mesh, (EVERYWHERE,), EVERYWHERE)
     lowered = {
         "start": start.program.lower(),
-        "epoch": epoch.lower(template),
+        "epoch": epoch_program(algorithm, mesh).lower(template),
         "evaluate": judge.lower(template.learner),
         "policy": policy.lower(template.learner),
     }
@@ -83,6 +80,18 @@ def compile_all(env: Env, algorithm: Algorithm, seed: int, mesh: Mesh, start: St
         compiled = {name: pool.submit(program.compile) for name, program in lowered.items()}
     programs: dict[str, Any] = {name: future.result() for name, future in compiled.items()}
     return Programs(**programs)
+
+
+def epoch_program(algorithm: Algorithm, mesh: Mesh) -> Any:
+    """The program of an epoch, not yet traced; the memory of its argument is reused."""
+    epoch = lambda training: _epoch(algorithm, training)  # noqa: E731
+    return parallel(epoch, mesh, (SPECS,), (SPECS, EVERYWHERE), donate=0)
+
+
+def learning_program(algorithm: Algorithm, mesh: Mesh) -> Any:
+    """The program of `Algorithm.learning` alone, not yet traced."""
+    learning = lambda training: algorithm.learning(training.learner, training.actors)  # noqa: E731
+    return parallel(learning, mesh, (SPECS,), EVERYWHERE)
 
 
 def _start(algorithm: Algorithm, seed: int, devices: int) -> Training:

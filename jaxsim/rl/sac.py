@@ -211,6 +211,10 @@ class SAC(Algorithm):
         losses["temperature"] = jnp.exp(learner.params["temperature"])
         return learner, SACActors(envs, buffer), {**episodes.metrics(), **losses}
 
+    def learning(self, learner: Learner, actors: SACActors):
+        """The gradient steps of an epoch, on the buffer as it is."""
+        return self.fit(learner, actors.buffer, self.rows, learner.key)[1]
+
     def remember(self, buffer: Transition, seen: Experience, epoch) -> Transition:
         """Replace the oldest steps in the buffer by those of an epoch."""
         steps = Transition(
