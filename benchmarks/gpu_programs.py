@@ -1,60 +1,67 @@
-"""Rollouts compiled for an H100, on a machine that need not have one: what a step consists of.
+"""Programs compiled for an H100, on a machine that need not have one: rollouts and PPO's epochs.
 
 Nothing is run and no time is measured. Counted are the kernels of a step, which cost a few
 microseconds each however small they are, the calls of libraries, the bytes that kernels read and
-write, which the memory's bandwidth bounds, and the memory between kernels. Bodies of inner loops
-count once. The candidates are jaxsim with the lanes last (`jaxsim.vmap`) and with the lanes first
-(`jax.vmap`), and MJX. JAX's compiler for CUDA must be installed: `pip install "jax[cuda12]"`.
+write, which the memory's bandwidth bounds, the memory between kernels, and where the host has to
+wait for the device. Bodies of inner loops count once. The candidates are jaxsim with one kernel for
+a step, with the lanes last (`jaxsim.vmap`) and with the lanes first (`jax.vmap`), and MJX. Of an
+epoch of training, all launches are counted. JAX's compiler for CUDA must be installed: `pip install
+"jax[cuda12]"`.
 """
 
 import functools
 import itertools
-import math
 import os
-import pathlib
-import re
-import time
 
 import common
 import models
+from described import compile_for_device, pretended
+from hlo import FREE, Module, callees, is_a, size, target, turns
+from host_waits import host_waits
 
-DEVICE = pathlib.Path(__file__).parent / "h100.pbtxt"
 STEPS = 10
-PEERS = ("lanes last", "lanes first", "MJX")
-# Instructions that launch nothing.
-FREE = "Parameter", "Constant", "Tuple", "GetTupleElement", "Bitcast", "AfterAll"
+TASKS = ["half_cheetah", "hopper", "humanoid"]
+PEERS = ("kernel", "lanes last", "lanes first", "MJX")
+KERNEL = "jaxsim_lanes_"
 NESTING = "While", "Conditional"
 VIEWS = "Slice", "DynamicSlice", "Gather"
-BYTES = {"pred": 1, "s8": 1, "u8": 1, "s32": 4, "u32": 4, "f32": 4, "s64": 8, "u64": 8, "f64": 8}
 
 
 def main(arguments=None) -> None:
     parser = common.parser(__doc__, repetitions=1)
     small = ["ant", "half_cheetah", "hopper", "walker2d", "double_pendulum"]
     usual = ["humanoid", *small, "gymnasium_humanoid"]
-    parser.add_argument("--models", nargs="+", default=usual, choices=models.MODELS)
+    parser.add_argument("--models", nargs="*", default=usual, choices=models.MODELS)
     parser.add_argument("--peers", nargs="+", default=PEERS, choices=PEERS)
     parser.add_argument("--batch", type=int, default=8192, help="environments")
+    parser.add_argument("--tasks", nargs="*", default=TASKS, help="trained by PPO")
     options = parser.parse_args(arguments)
     os.environ["JAX_PLATFORMS"] = "cpu"  # constants are kept there
     # To time alternatives takes a device.
     os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} --xla_gpu_autotune_level=0"
-    rows = []
-    for name in options.models:
-        mj = models.load(name)
-        found = [{"model": name} | _row(mj, peer, options.batch) for peer in options.peers]
-        print(common.table(found), flush=True)
-        rows += found
-    record = {"batch": options.batch, "device": DEVICE.stem, "rows": rows}
+    rows, epochs = [], []
+    with pretended():
+        for name in options.models:
+            mj = models.load(name)
+            found = [{"model": name} | _row(mj, peer, options.batch) for peer in options.peers]
+            print(common.table(found), flush=True)
+            rows += found
+        for task in options.tasks:
+            epochs.append({"task": task} | _epoch_row(task))
+            print(common.table(epochs[-1:]), flush=True)
+    record = {"batch": options.batch, "device": "h100", "rows": rows, "epochs": epochs}
     common.write(options, __file__, record, lambda figure: _draw(figure, rows))
 
 
 def _row(mj, peer: str, batch: int) -> dict:
+    from jaxsim.lanes.switch import enable_lanes
+
+    enable_lanes(peer == "kernel")
     try:
-        f, args = _mjx(mj, batch) if peer == "MJX" else _jaxsim(mj, batch, last=peer == PEERS[0])
+        f, args = _mjx(mj, batch) if peer == "MJX" else _jaxsim(mj, batch, peer)
     except NotImplementedError as error:
         return {"by": peer, "why": str(error)}
-    compiled, seconds = compile_for_device(f, *args)
+    compiled, seconds = compile_for_device(f, *args, ours=peer != "MJX")
     step = Program(compiled)
     return {
         "by": peer,
@@ -64,11 +71,44 @@ def _row(mj, peer: str, batch: int) -> dict:
         "inner kernels": len(step.inner),
         "inner kB": step.size(step.inner) / batch / 1e3,
         "temporary kB": compiled.memory_analysis().temp_size_in_bytes / batch / 1e3,
+        "host waits": len(host_waits(compiled)) if peer != "MJX" else None,
         "compile s": seconds,
     }
 
 
-def _jaxsim(mj, batch: int, last: bool):
+def _epoch_row(task: str) -> dict:
+    """An epoch of PPO with the settings for a GPU."""
+    from described import compile_epoch
+
+    algorithm, compiled, seconds = compile_epoch("ppo", task)
+    return {
+        "by": "PPO",
+        "envs": algorithm.config.envs,
+        "steps": algorithm.steps_per_epoch,
+        "launches": launches(compiled),
+        "host waits": len(host_waits(compiled)),
+        "compile s": seconds,
+    }
+
+
+def launches(compiled) -> int:
+    """All kernels and calls of a program; both branches of a choice, unknown loops once."""
+    module = Module(compiled)
+
+    def count(computation: str) -> int:
+        total = 0
+        for i in module.instructions(computation):
+            inside = [n for names in callees(i).values() for n in names]
+            if is_a(i, *NESTING):
+                total += (turns(i) or 1 if is_a(i, "While") else 1) * sum(map(count, inside))
+            elif not is_a(i, *FREE):
+                total += 1
+        return total
+
+    return count(module.entry)
+
+
+def _jaxsim(mj, batch: int, peer: str):
     import jax
     import jax.numpy as jnp
 
@@ -77,7 +117,7 @@ def _jaxsim(mj, batch: int, last: bool):
     model = jaxsim.load(mj)
     rollout = _rollout(functools.partial(jaxsim.step, model))
     states = models.repeated(jaxsim.make_state(model), batch)
-    vmap = jaxsim.vmap if last else jax.vmap
+    vmap = jax.vmap if peer == "lanes first" else jaxsim.vmap
     return vmap(rollout), (states, jnp.zeros((batch, STEPS, mj.nu)))
 
 
@@ -97,95 +137,54 @@ def _rollout(step):
     return lambda state, ctrls: jax.lax.scan(lambda s, u: (step(s, u), None), state, ctrls)[0]
 
 
-def compile_for_device(f, *args):
-    """The program of f for the described device, and the seconds that it took."""
-    import jax
-    from jax.experimental import topologies
-
-    described = {"target_config": DEVICE.read_text(), "topology": "1x1x1"}
-    try:
-        device = topologies.get_topology_desc("", "cuda", **described).devices[0]
-    except NotImplementedError:
-        raise SystemExit('XLA cannot compile for CUDA here: pip install "jax[cuda12]"') from None
-    there = jax.sharding.SingleDeviceSharding(device)
-    kind = lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype, sharding=there)  # noqa: E731
-    start = time.perf_counter()
-    compiled = jax.jit(f).lower(*jax.tree.map(kind, args)).compile()
-    return compiled, time.perf_counter() - start
-
-
 class Program:
     """What the loop of a compiled rollout launches at each turn.
 
     Attributes:
-      kernels: fused operations, copies and the like.
+      kernels: fused operations, our own kernels, copies and the like.
       inner: those in inner loops and branches.
       calls: routines of libraries, everywhere.
     """
 
     def __init__(self, compiled):
-        (module,) = compiled.runtime_executable().hlo_modules()
-        self._computations = {c.name: c.instructions() for c in module.computations()}
-        entry = re.search(r"^ENTRY %?([\w.\-]+)", module.to_string(), re.MULTILINE)[1]
-        loops = [i for i in self._computations[entry] if _is(i, "While")]
-        (rollout,) = (i for i in loops if f'"n":"{STEPS}"' in i.to_string())
-        outer = self._instructions(_callees(rollout)["body"][0])
-        inner = [i for o in outer if _is(o, *NESTING) for i in self._called(o)]
-        self.calls = [i for i in (*outer, *inner) if _is(i, "CustomCall")]
+        self._module = Module(compiled)
+        loops = [i for i in self._module.instructions(self._module.entry) if is_a(i, "While")]
+        (rollout,) = (i for i in loops if turns(i) == STEPS)
+        outer = self._module.instructions(callees(rollout)["body"][0])
+        inner = [i for o in outer if is_a(o, *NESTING) for i in self._called(o)]
+        self.calls = [i for i in (*outer, *inner) if _is_library_call(i)]
         self.kernels, self.inner = (
-            [i for i in group if not _is(i, "CustomCall", *FREE, *NESTING)]
+            [i for i in group if not (is_a(i, *FREE, *NESTING) or _is_library_call(i))]
             for group in (outer, inner)
         )
 
     def size(self, kernels) -> int:
         """Bytes that are read and written; of operands only the parts that are read."""
-        return sum(_size(kernel) + self._read(kernel) for kernel in kernels)
-
-    def _instructions(self, computation: str) -> list:
-        """Those of a computation, with those of functions that it calls."""
-        found = []
-        for i in self._computations[computation]:
-            found += self._called(i) if _is(i, "Call") else [i]
-        return found
+        return sum(size(kernel) + self._read(kernel) for kernel in kernels)
 
     def _called(self, instruction) -> list:
         """All that an instruction runs, nested loops and branches included."""
         found = []
-        for name in itertools.chain.from_iterable(_callees(instruction).values()):
-            for i in self._instructions(name):
-                found += [i, *self._called(i)] if _is(i, *NESTING) else [i]
+        for name in itertools.chain.from_iterable(callees(instruction).values()):
+            for i in self._module.instructions(name):
+                found += [i, *self._called(i)] if is_a(i, *NESTING) else [i]
         return found
 
     def _read(self, instruction) -> int:
         """Bytes of the operands, or of those parts of them that are read."""
-        if not _is(instruction, "Fusion"):
-            return sum(map(_size, instruction.operands()))
-        (fused,) = _callees(instruction)["calls"]
+        if not is_a(instruction, "Fusion"):
+            return sum(map(size, instruction.operands()))
         total = 0
-        for inner in self._computations[fused]:
-            if _is(inner, "Parameter"):
-                parts = [_size(user) for user in inner.users() if _is(user, *VIEWS)]
+        for inner in self._module.fused(instruction):
+            if is_a(inner, "Parameter"):
+                parts = [size(user) for user in inner.users() if is_a(user, *VIEWS)]
                 whole = len(parts) < len(inner.users())
-                total += _size(inner) if whole else min(_size(inner), sum(parts))
+                total += size(inner) if whole else min(size(inner), sum(parts))
         return total
 
 
-def _is(instruction, *opcodes: str) -> bool:
-    return instruction.opcode.name.removeprefix("k") in opcodes
-
-
-def _callees(instruction) -> dict[str, list[str]]:
-    """Names of the computations that an instruction runs, by the attribute that names them."""
-    named = r"(body|condition|calls|to_apply|\w+_computations?)=(\{[^}]*\}|%[\w.\-]+)"
-    found = re.findall(named, instruction.to_string())
-    return {key: re.findall(r"%([\w.\-]+)", names) for key, names in found}
-
-
-def _size(instruction) -> int:
-    """Bytes of a result."""
-    kind = re.search(r" = (.*?) [\w\-]+\(", instruction.to_string())[1]
-    arrays = re.findall(r"(\w+)\[([\d,]*)\]", kind)
-    return sum(BYTES[t] * math.prod(int(n) for n in dims.split(",") if n) for t, dims in arrays)
+def _is_library_call(instruction) -> bool:
+    return is_a(instruction, "CustomCall") and not target(instruction).startswith(KERNEL)
 
 
 def _draw(figure, rows) -> None:

@@ -270,12 +270,48 @@ def test_kernels_of_a_program_are_counted(benchmark_module):
     x, table = jnp.zeros(1000), jnp.zeros((gpu_programs.STEPS, 1000))
     # A CPU may put a small loop into a call, which a GPU does not.
     options = {"xla_disable_hlo_passes": "small-while-loop-hoisting"}
-    program = gpu_programs.Program(jax.jit(rollout).lower(x, table).compile(options))
+    compiled = jax.jit(rollout).lower(x, table).compile(options)
+    program = gpu_programs.Program(compiled)
     assert [program.size([kernel]) for kernel in program.inner] == [2 * x.nbytes]
     assert program.calls == []
     # The sum has two operands and a result; one of these may be copied.
     sizes = [program.size([kernel]) for kernel in program.kernels]
     assert 3 * x.nbytes <= sum(sizes) < 6 * x.nbytes < table.nbytes
+    per_turn = len(program.kernels) + len(program.inner)
+    assert gpu_programs.launches(compiled) >= gpu_programs.STEPS * per_turn
+
+
+def test_what_the_host_waits_for(benchmark_module):
+    """A loop of unknown length that is not recorded, a branch in it, and what the host does."""
+    host_waits = benchmark_module("host_waits")
+    x = jnp.ones(8)
+
+    def waits(f):
+        return host_waits.host_waits(jax.jit(f).lower(x).compile())
+
+    halve = lambda x: jax.lax.while_loop(lambda x: x[0] > 1, lambda x: x / 2, x)  # noqa: E731
+    choose = lambda x: jax.lax.cond(x[0] > 1, jnp.sin, lambda x: 2 * x, x)  # noqa: E731
+    assert len(waits(halve)) == 1, "too few operations for a command buffer"
+    assert len(waits(lambda x: halve(choose(x)))) == 2
+    assert waits(lambda x: jax.lax.fori_loop(0, 9, lambda _, x: jnp.cumsum(x), x)) == []
+    transform = lambda x: jnp.fft.ifft(jnp.fft.fft(x)).real + 1  # noqa: E731
+    again = lambda f: lambda x: jax.lax.fori_loop(0, 9, lambda _, x: f(x), x)  # noqa: E731
+    assert len(waits(again(lambda x: halve(transform(x))))) == 1
+    said = waits(again(lambda x: jax.pure_callback(np.sin, x, x)))
+    assert len(said) == 1
+    assert "custom-call" in said[0] or "callback" in said[0]
+
+
+def test_loops_of_a_long_program_are_recorded(benchmark_module):
+    """Side by side with enough others a loop of unknown length is part of a command buffer."""
+    host_waits = benchmark_module("host_waits")
+
+    def f(x):
+        for i in range(host_waits.SMALLEST):
+            x = jax.lax.while_loop(lambda x: x[0] > 1, lambda x, i=i: jnp.roll(x, i) / 2, x)
+        return x
+
+    assert host_waits.host_waits(jax.jit(f).lower(jnp.ones(8)).compile()) == []
 
 
 @pytest.mark.parametrize("way", ["_compiled", "_vector"])

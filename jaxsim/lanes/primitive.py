@@ -133,12 +133,9 @@ def _vector_kernel(program, flags: tuple[bool, ...]):
 
 def _thread_kernel(program, flags: tuple[bool, ...]):
     from jaxsim.lanes.compiler import gpu_kernel
+    from jaxsim.lanes.gpu import driver
 
-    try:
-        capability = float(jax.devices("cuda")[0].compute_capability)
-    except RuntimeError:
-        raise NotImplementedError("a GPU that is not here") from None
-    return gpu_kernel(program, flags, round(10 * capability))
+    return gpu_kernel(program, flags, driver.capability())
 
 
 def _or_none(make: Callable, *args):

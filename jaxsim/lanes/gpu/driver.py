@@ -51,6 +51,18 @@ class Loaded:
         _check("cuKernelGetFunction", found)
 
 
+def capability() -> int:
+    """Compute capability of the devices, 90 for 9.0.
+
+    Raises:
+      NotImplementedError: there is no device of CUDA.
+    """
+    try:
+        return round(10 * float(jax.devices("cuda")[0].compute_capability))
+    except RuntimeError:
+        raise NotImplementedError("a GPU that is not here") from None
+
+
 def _pointer() -> ctypes.c_void_p:
     return ctypes.c_void_p()
 
