@@ -1,6 +1,7 @@
 """Trajectory optimisation: one problem, several ways to solve it."""
 
 from jaxsim.trajopt.ddp import DDP
+from jaxsim.trajopt.direct import Direct
 from jaxsim.trajopt.ilqr import ILQR
 from jaxsim.trajopt.inverse_dynamics import InverseDynamics
 from jaxsim.trajopt.plan import Iterate, Plan, PlanStatus
@@ -10,6 +11,7 @@ from jaxsim.trajopt.sampling import CEM, MPPI, PredictiveSampling
 from jaxsim.trajopt.shooting import Shooting
 from jaxsim.trajopt.solving import Method, solve
 from jaxsim.trajopt.state_limits import AugmentedLagrangian
+from jaxsim.trajopt.transcription.contact_forces import with_contact_forces
 
 __all__ = [
     "CEM",
@@ -17,6 +19,7 @@ __all__ = [
     "ILQR",
     "MPPI",
     "AugmentedLagrangian",
+    "Direct",
     "InverseDynamics",
     "Iterate",
     "Method",
@@ -31,4 +34,5 @@ __all__ = [
     "mpc",
     "replan",
     "solve",
+    "with_contact_forces",
 ]

@@ -4,9 +4,9 @@
     over      q_1 ... q_T, u_0 ... u_{T-1}        such that    c_t = 0,  low <= u_t <= high
 
 Velocities are differences of positions, and c_t is the force that is missing for the engine's own
-step to follow them (`jaxsim.trajopt.three_point`). Contacts are part of it, so the optimiser moves
-them in time and place, and replaying the plan gives the plan (Kurtz and others 2023, "Inverse
-dynamics trajectory optimization for contact-implicit model predictive control").
+step to follow them (`jaxsim.trajopt.transcription.three_point`). Contacts are part of it, so the
+optimiser moves them in time and place, and replaying the plan gives the plan (Kurtz and others
+2023, "Inverse dynamics trajectory optimization for contact-implicit model predictive control").
 
 The constraints are those of an augmented Lagrangian, whose minima are found by Gauss-Newton steps.
 An iteration tries several dampings at once and takes the best. Controls make up for what forces
@@ -23,25 +23,16 @@ from flax import struct
 from jax import lax
 from jaxtyping import Array, Float
 
-from jaxsim.batching import matrices, vmap
 from jaxsim.constraint.laws import RIGID, Blur
 from jaxsim.model import Model
-from jaxsim.trajopt.lagrangian import (
-    Expansion,
-    Multipliers,
-    excess,
-    expand_lagrangian,
-    lagrangian,
-)
 from jaxsim.trajopt.plan import Iterate, PlanStatus, first_iterate, shifted
 from jaxsim.trajopt.problem import Problem, ProblemError
 from jaxsim.trajopt.space import StateSpace
-from jaxsim.trajopt.three_point import Path, begin_at, gaps, moved, replayed, states_of
+from jaxsim.trajopt.transcription.damped import MOST_DAMPING, damped_step
+from jaxsim.trajopt.transcription.lagrangian import Multipliers, excess
+from jaxsim.trajopt.transcription.three_point import Path, ThreePoint, begin_at, replayed, states_of
 
 _EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
-# Dampings that an iteration tries, relative to that of the last one.
-_FACTORS = (0.01, 0.3, 3.0, 100.0)
-_LEAST_DAMPING, _MOST_DAMPING = 1e-10, 1e8
 # Friction of blurred contacts: at this speed (m/s), times the blur, it is near its bound.
 _SPEED = 0.1
 # Blur shrinks by this factor, until so little is left that it does not matter.
@@ -125,25 +116,8 @@ class InverseDynamics:
         model, memory = _model_of(problem), now.memory
         old = begin_at(model, memory.path, problem.start)
         blur = Blur(self.reach * memory.blur, _SPEED * memory.blur) if self.reach else None
-        at = expand_lagrangian(model, problem, memory.multipliers, old, blur)
-
-        def attempt(damping):
-            trial = _after(model, problem, at, old, at.step(damping), blur)
-            c = gaps(model, problem, trial, blur)
-            return trial, c, lagrangian(model, problem, memory.multipliers, trial, c)
-
-        before = lagrangian(model, problem, memory.multipliers, old, at.missing)
-        dampings = memory.damping * jnp.array(_FACTORS, old.ctrls.dtype)
-        dampings = jnp.clip(dampings, _LEAST_DAMPING, _MOST_DAMPING)
-        paths, cs, values = vmap(attempt)(dampings)
-        best = jnp.argmin(jnp.where(jnp.isnan(values), jnp.inf, values))
-        better = values[best] < before
-        path, c, damping = jax.tree.map(
-            lambda new, old: jnp.where(better, new[best], old),
-            (paths, cs, dampings),
-            (old, at.missing, 1e3 * memory.damping),
-        )
-        fall = jnp.where(better, before - values[best], jnp.inf)
+        way = ThreePoint(model, problem, blur)
+        path, c, damping, fall = damped_step(way, memory.multipliers, old, memory.damping)
         return self._judged(problem, now, memory.replace(path=path, damping=damping), c, fall)
 
     def shift(self, now: Iterate) -> Iterate:
@@ -158,7 +132,7 @@ class InverseDynamics:
         """The iterate after a step; where it was small, or none helps, with new multipliers."""
         cost, defect = _quality(problem, memory.path, c)
         fall, sharp = fall / (1 + jnp.abs(cost)), memory.blur == 0
-        minimal = memory.damping >= _MOST_DAMPING
+        minimal = memory.damping >= MOST_DAMPING
         minimal = minimal | (fall <= jnp.where(sharp, self.tolerance, _GOOD_ENOUGH))
         following = _with_next_multipliers(problem, memory, c, defect)
         memory = jax.tree.map(lambda a, b: jnp.where(minimal, a, b), following, memory)
@@ -198,18 +172,6 @@ def _quality(problem: Problem, path: Path, c: Float[Array, "T nv"]):
     states = states_of(_model_of(problem), path, problem.start)
     violation = jnp.maximum(jnp.max(jnp.abs(c)), excess(problem, path.ctrls))
     return problem.total_cost(states, path.ctrls), violation
-
-
-def _after(
-    model: Model, problem: Problem, at: Expansion, path: Path, step: Array, blur: Blur | None
-) -> Path:
-    """The path after a step, with controls that make up for what forces miss beyond first order."""
-    trial = moved(model, path, step)
-    surprise = gaps(model, problem, trial, blur) - at.missing_after(step)
-    by_ctrls = at.slopes[:, :, 3 * model.nv :]
-    least = 1e-9 * jnp.eye(model.nu, dtype=step.dtype)
-    correct = jax.vmap(lambda B, c: matrices.solve(B.T @ B + least, B.T @ c))
-    return trial.replace(ctrls=trial.ctrls - correct(by_ctrls, surprise))
 
 
 def _with_next_multipliers(problem: Problem, memory: _Memory, c, defect) -> _Memory:

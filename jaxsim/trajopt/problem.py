@@ -2,7 +2,7 @@
 
     minimise   sum_t running_cost(x_t, u_t, t) + final_cost(x_T)
     over u     with x_{t+1} = step(x_t, u_t), x_0 = start, low <= u_t <= high,
-                    state_limits(x_t) <= 0
+                    state_limits(x_t) <= 0,  0 <= a_t, 0 <= b_t, a_t b_t = 0
 
 T is the horizon. States may be of any kind that a `Space` knows how to move in.
 """
@@ -49,6 +49,8 @@ class Problem:
       high: greatest controls.
       frame_skip: steps of the dynamics for which a control is held.
       state_limits: `(x)` to numbers (m,) that are to be at most zero, or None.
+      complementarity: `(x, u, y)` to a pair of arrays (m,), y the next state, of which no number is
+        to be negative and one of each two zero; or None.
     """
 
     step: Callable[[Any, Float[Array, "nu"]], Any]
@@ -61,6 +63,7 @@ class Problem:
     high: Float[Array, "nu"]
     frame_skip: int = 1
     state_limits: Callable[[Any], Float[Array, "m"]] | None = None
+    complementarity: Callable[[Any, Array, Any], tuple[Array, Array]] | None = None
 
     def replace(self, **changes: Any) -> "Problem":
         """The same problem but for some attributes."""
@@ -144,6 +147,7 @@ def make_problem(
     control_limits: tuple[Any, Any] | None = None,
     frame_skip: int = 1,
     state_limits: Callable[[Any], Any] | None = None,
+    complementarity: Callable[[Any, Array, Any], Any] | None = None,
 ) -> Problem:
     """An optimal control problem, judged before anything is compiled.
 
@@ -159,6 +163,8 @@ def make_problem(
       frame_skip: steps of the dynamics for which a control is held.
       state_limits: `(x)` to an array (m,) of numbers that are to be at most zero for every state
         but the first; see `AugmentedLagrangian`.
+      complementarity: `(x, u, y)` to a pair of arrays (m,) that are complementary, such as
+        distances and forces; y is the state after x. See `Direct`.
 
     Raises:
       ProblemError: the horizon is not positive, a cost is not a number, or shapes do not fit.
@@ -184,11 +190,14 @@ def make_problem(
         high=high,
         frame_skip=frame_skip,
         state_limits=state_limits,
+        complementarity=complementarity,
     )
     _check_cost("running_cost", running_cost, start, low, jnp.zeros((), int))
     _check_cost("final_cost", final_cost, start)
     if state_limits is not None:
         _check_limits(state_limits, start)
+    if complementarity is not None:
+        _check_pairs(complementarity, start, low)
     if not isinstance(dynamics, Model):
         _check_step(dynamics, start, low)
     return problem
@@ -254,6 +263,15 @@ def _check_limits(limits, start):
     found = jax.eval_shape(limits, start)
     shape = getattr(found, "shape", ())
     _expect(len(shape) == 1, f"state_limits must return an array (m,), got {_described(found)}")
+
+
+def _check_pairs(pairs, start, ctrl):
+    found = jax.eval_shape(pairs, start, ctrl, start)
+    shapes = [getattr(x, "shape", None) for x in found] if isinstance(found, tuple | list) else []
+    _expect(
+        len(shapes) == 2 and shapes[0] == shapes[1] and len(shapes[0] or ()) == 1,
+        f"complementarity must return a pair of arrays (m,), got {_described(found)}",
+    )
 
 
 def _check_step(step, start, ctrl):

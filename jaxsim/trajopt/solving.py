@@ -11,6 +11,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
+from jaxsim.trajopt.direct import Direct
 from jaxsim.trajopt.plan import Iterate, Plan, PlanStatus
 from jaxsim.trajopt.problem import Problem, ProblemError
 from jaxsim.trajopt.state_limits import AugmentedLagrangian
@@ -72,6 +73,8 @@ def solve(
         raise ProblemError(f"iterations must be at least 1, got {method.iterations}")
     if problem.state_limits is not None and not isinstance(method, AugmentedLagrangian):
         raise ProblemError("the problem has state_limits; use AugmentedLagrangian(method)")
+    if problem.complementarity is not None and not isinstance(method, Direct):
+        raise ProblemError("the problem has complementarity; use Direct()")
     run = _watched if progress else _compiled
     return run(problem, method, *_guesses(problem, ctrls, key, starts))
 

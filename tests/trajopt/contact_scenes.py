@@ -3,6 +3,7 @@
 import re
 
 import jax.numpy as jnp
+import numpy as np
 
 import jaxsim
 from jaxsim import trajopt
@@ -91,3 +92,39 @@ def push(model, goal):
     target = jnp.concatenate([goal, jnp.zeros(2)])
     start = jaxsim.make_state(model)
     return quadratic_problem(model, start, target, force=1e-3, positions=weights)
+
+
+# A box on a table that moves as slowly as it is pushed: half sizes (m), weight times friction (N),
+# radius of its friction against turning (m), and the time step (s).
+LENGTH, WIDTH, GRIP, TURN, STEP = 0.5, 0.25, 0.5 * 9.8, 0.4 * np.hypot(0.5, 0.25), 0.02
+
+
+def slide(x, w):
+    """The box pushed at a point (x, y) of its own axes, on four sides with forces w[2:]."""
+    (x_at, y_at), (up, right, down, left) = w[:2], w[2:]
+    along, across = right - left, up - down
+    c, s = jnp.cos(x[2]), jnp.sin(x[2])
+    twist = (x_at * across - y_at * along) / TURN
+    turned = jnp.stack([c * along - s * across, s * along + c * across, twist])
+    return x + STEP / GRIP * turned
+
+
+def touching_one_side(x, w, y):
+    """A side is pushed only if the point is on it, and no other side is."""
+    (x_at, y_at), forces = w[:2], w[2:]
+    distance = jnp.stack([y_at + WIDTH, x_at + LENGTH, WIDTH - y_at, LENGTH - x_at])
+    return forces, distance + 0.1 * (forces.sum() - forces)
+
+
+def sliding_box(goal):
+    """The box shall go to a pose, from the origin in two seconds."""
+    most = np.array([LENGTH, WIDTH, np.inf, np.inf, np.inf, np.inf])
+    return trajopt.make_problem(
+        slide,
+        jnp.zeros(3),
+        horizon=100,
+        running_cost=lambda x, w, t: 1e-3 * jnp.sum(w[2:] ** 2),
+        final_cost=lambda x: 100 * jnp.sum((x - goal) ** 2),
+        control_limits=(-most, most),
+        complementarity=touching_one_side,
+    )

@@ -125,6 +125,19 @@ def test_a_finger_turns_a_wheel_that_it_does_not_touch(x64):
 
 
 @pytest.mark.slow
+def test_a_hopper_moves_from_a_straight_line_of_positions(x64):
+    """The published guess slides along the floor; multiple shooting begins with it as it is."""
+    problem, path = scenes.hopper()
+    line = jnp.concatenate([problem.start.qpos[None], path])
+    states = jax.vmap(lambda qpos: problem.start.replace(qpos=qpos))(line)
+    plan = solved(problem, trajopt.ILQR(states=states, iterations=200))
+    assert plan.status == trajopt.PlanStatus.CONVERGED
+    assert plan.iterations <= 20
+    check(problem, plan)
+    assert plan.cost < 2.4, "standing still costs more than 3"
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("goal", [(0.3, 0.1, 0.3), (0.4, 0.0, 0.0), (0.25, -0.1, -0.2)])
 def test_a_finger_pushes_a_box_to_a_pose(x64, goal):
     problem = scenes.push(scenes.load(scenes.PUSHER, "sap", 500), jnp.array(goal))

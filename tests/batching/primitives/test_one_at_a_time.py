@@ -12,7 +12,7 @@ from vmap_compare import assert_equal, assert_same, compiled, with_derivatives
 import jaxsim
 from jaxsim import trajopt
 from jaxsim.batching import matrices
-from jaxsim.trajopt.banded import Pentadiagonal
+from jaxsim.trajopt.transcription.banded import Pentadiagonal
 
 RNG = np.random.default_rng(0)
 A = RNG.normal(size=(3, 4, 4))

@@ -1,15 +1,18 @@
-"""Block-pentadiagonal matrices, against dense ones."""
+"""Block-pentadiagonal matrices, against dense ones, by scans and in parallel."""
 
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from oracle import quick_jit
 
-from jaxsim.trajopt.banded import assemble, assemble_vector
+from jaxsim.trajopt.transcription.banded import assemble, assemble_vector
+from jaxsim.trajopt.transcription.parallel import solve_in_parallel
 
 
-def test_sums_and_solutions_are_those_of_dense_matrices(x64, rng):
+@pytest.mark.parametrize("T", [6, 7])
+def test_sums_and_solutions_are_those_of_dense_matrices(x64, rng, T):
     """Local quadratics about three steps each, of which the steps before the first are known."""
-    T, m = 6, 3
+    m = 3
     root = rng.normal(size=(T + 1, 3 * m, 3 * m))
     local = root @ root.transpose(0, 2, 1)
     slopes = rng.normal(size=(T + 1, 3 * m))
@@ -25,7 +28,8 @@ def test_sums_and_solutions_are_those_of_dense_matrices(x64, rng):
     @quick_jit
     def solve(local, slopes):
         matrix = assemble(local.reshape(T + 1, 3, m, 3, m))
-        return matrix.solve(assemble_vector(slopes.reshape(T + 1, 3, m)))
+        b = assemble_vector(slopes.reshape(T + 1, 3, m))
+        return matrix.solve(b), solve_in_parallel(*matrix, b)
 
-    found = solve(jnp.asarray(local), jnp.asarray(slopes))
-    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-11)
+    for found in solve(jnp.asarray(local), jnp.asarray(slopes)):
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-11)
