@@ -22,7 +22,7 @@ from jaxtyping import Array, Float
 from jaxsim.trajopt.plan import Iterate, PlanStatus, first_iterate, shifted
 from jaxsim.trajopt.problem import Problem
 from jaxsim.trajopt.state_guess import states_from
-from jaxsim.trajopt.transcription.complementarity import StatePath, StatesAndControls
+from jaxsim.trajopt.transcription.complementarity import StatePath, StatesAndControls, begin_at
 from jaxsim.trajopt.transcription.damped import MOST_DAMPING, DampedStep, damped_step
 from jaxsim.trajopt.transcription.lagrangian import Multipliers, excess, in_blocks
 
@@ -98,7 +98,8 @@ class Direct:
         """One iteration."""
         memory = now.memory
         way = StatesAndControls(problem, memory.smoothing)
-        step = damped_step(way, memory.multipliers, memory.path, memory.damping)
+        path = begin_at(memory.path, problem.start)
+        step = damped_step(way, memory.multipliers, path, memory.damping)
         memory = memory.replace(path=step.path, damping=step.damping)
         return self._judged(way, now, memory, step)
 
@@ -119,7 +120,7 @@ class Direct:
         minimal = minimal | (fall <= jnp.where(sharp, self.tolerance, _GOOD_ENOUGH))
         following = _with_next_multipliers(problem, memory, step.missing)
         ended = minimal & sharp
-        path = lax.cond(ended, lambda path: restored(way, path), lambda path: path, memory.path)
+        path = lax.cond(ended, lambda path: _finished(way, path), lambda path: path, memory.path)
         defect = _violation(way, path)
         done = ended & (defect <= self.feasibility)
         memory = jax.tree.map(lambda a, b: jnp.where(minimal, a, b), following, memory)
@@ -147,6 +148,15 @@ def restored(way: StatesAndControls, path: StatePath) -> StatePath:
         return way.moved(path, -H._replace(diagonal=H.diagonal + least).solve(g))
 
     return lax.fori_loop(0, _RESTORING, again, path)
+
+
+def _finished(way: StatesAndControls, path: StatePath) -> StatePath:
+    """A path without violations; the one that its controls lead to, if that violates no more."""
+    path = restored(way, path)
+    path = path.replace(ctrls=way.problem.clip(path.ctrls))
+    replay = path.replace(states=way.problem.rollout(path.ctrls)[0])
+    exact = _violation(way, replay) <= _violation(way, path)
+    return jax.tree.map(lambda a, b: jnp.where(exact, a, b), replay, path)
 
 
 def _ended(x: Float[Array, "T *k"]) -> Float[Array, "T+1 *k"]:

@@ -53,6 +53,21 @@ def test_64_starts_and_models_at_once_have_their_exact_optimum(x64):
     assert min(force.min(), distance.min()) >= -1e-6
 
 
+def test_plans_are_made_anew_from_the_last_one(x64):
+    """Two iterations for each control, while the box is heavier than in the plan."""
+    problem, plant = bulldozer(jnp.array(0.3)), bulldozer(jnp.array(0.3), 0.5).step
+    track = quick_jit(
+        lambda w: trajopt.mpc(
+            problem, trajopt.Direct(), 48, w, iterations=2, first_iterations=100, plant=plant
+        )
+    )(jnp.zeros((HORIZON, 2)))
+    blade, box = track.states.T
+    np.testing.assert_allclose(box[-1], 1, atol=0.03)
+    assert (np.diff(box) > -1e-4).all(), "nothing pulls"
+    far = box - blade > 0.05
+    assert np.abs(np.diff(box)[far[:-1] & far[1:]]).max() < 1e-3, "what is not touched rests"
+
+
 @pytest.mark.slow
 def test_a_box_is_pushed_to_18_goals(x64):
     """3 m off, turned by up to 360 degrees, from controls that are zero; all at once."""

@@ -37,6 +37,12 @@ class StatePath:
     ctrls: Float[Array, "T nu"]
 
 
+def begin_at(path: StatePath, start: Any) -> StatePath:
+    """The path with its first state replaced."""
+    states = jax.tree.map(lambda x, first: x.at[0].set(first), path.states, start)
+    return path.replace(states=states)
+
+
 def fischer_burmeister(a: Array, b: Array, smoothing: Float[Array, ""]) -> Array:
     """`sqrt(a^2 + b^2 + 2 s) - a - b`."""
     return jnp.sqrt(a * a + b * b + 2 * smoothing) - a - b
