@@ -32,6 +32,7 @@ from jaxsim.engine import (
 )
 from jaxsim.inverse_kinematics import IkResult, PoseTarget, ik
 from jaxsim.io import load, set_const, to_mujoco
+from jaxsim.maximal import Maximal, MaximalState, to_maximal
 from jaxsim.model import JaxsimError, Model, ModelError, Option, State, make_state
 from jaxsim.parallel import batch_rollout, configure_cpu
 from jaxsim.quantities.distance import GeomDistance, geom_distance
@@ -55,6 +56,8 @@ __all__ = [
     "GeomDistance",
     "IkResult",
     "JaxsimError",
+    "Maximal",
+    "MaximalState",
     "Model",
     "ModelError",
     "Option",
@@ -83,6 +86,7 @@ __all__ = [
     "step",
     "step_with_status",
     "substeps",
+    "to_maximal",
     "to_mujoco",
     "vmap",
 ]

@@ -23,6 +23,8 @@ class RowType(enum.Enum):
     LIMIT_JOINT = "joint limit"
     LIMIT_TENDON = "tendon limit"
     CONTACT = "contact"
+    HOLD = "joint of free bodies"
+    REFLECTED = "armature between free bodies"
 
 
 @struct.dataclass
@@ -40,6 +42,8 @@ class Block:
       weight: mean inverse inertia for each index of the first axis; None for rows without friction.
       entry: what rows do when they become active; None if derivatives do not need it.
       approach: normal motion of rigid contacts; None for others.
+      rigid: whether the rows have no regularisation in the end, static; rigid contacts have none
+        anyway.
     """
 
     kind: Kind
@@ -50,3 +54,4 @@ class Block:
     weight: Float[Array, "n"] | None = None
     entry: Entry | None = None
     approach: Approach | None = None
+    rigid: bool = struct.field(pytree_node=False, default=False)

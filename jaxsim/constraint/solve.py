@@ -1,6 +1,7 @@
 """The constrained acceleration: assembly of all rows and solution of the convex problem."""
 
 import functools
+from collections.abc import Sequence
 
 import jax.numpy as jnp
 import mujoco
@@ -80,6 +81,7 @@ def constrained_acceleration(
     contact: Contact,
     qfrc_smooth: Float[Array, "nv"],
     qacc_warmstart: Float[Array, "nv"],
+    others: Sequence[Block] = (),
 ) -> Constrained:
     """Minimise `1/2 |a - qacc_smooth|_M^2 + s(J a - aref)`, where `M qacc_smooth = qfrc_smooth`.
 
@@ -93,14 +95,15 @@ def constrained_acceleration(
       qfrc_smooth: all generalised forces except those of constraints, minus the bias.
       qacc_warmstart: initial guess of the acceleration; if the model disables warm starts, the
         guess is `qacc_smooth`.
+      others: rows that are not the model's own.
     """
     model = motion.model
     check_law(model)
     check_backward(model)
-    found = _solved(motion, contact, qfrc_smooth, qacc_warmstart)
+    found = _solved(motion, contact, qfrc_smooth, qacc_warmstart, others)
     if not model.backward.smooths:
         return found
-    soft = _solved(motion, softened(contact, model.backward), qfrc_smooth, found.qacc)
+    soft = _solved(motion, softened(contact, model.backward), qfrc_smooth, found.qacc, others)
     results = lambda found: {name: getattr(found, name) for name in _RESULTS}  # noqa: E731
     return found.replace(**with_derivative_of(results(found), results(soft)))
 
@@ -110,10 +113,11 @@ def _solved(
     contact: Contact,
     qfrc_smooth: Float[Array, "nv"],
     qacc_warmstart: Float[Array, "nv"],
+    others: Sequence[Block],
 ) -> Constrained:
     """The constrained acceleration, with its own derivative."""
     model = motion.model
-    blocks = constraint_blocks(motion, contact)
+    blocks = [*others, *constraint_blocks(motion, contact)]
     operator = make_operator(model, motion.kin, blocks, choose_strategy(model, blocks))
     operator = _with_damping(motion, operator)
     problem = Problem(tuple(block.kind for block in blocks))
@@ -124,7 +128,7 @@ def _solved(
         return _outcome(motion, contact, blocks, operator, y, (), status)
     warm = not model.opt.disabled(_WARMSTART_OFF)
     guess = to_compound_order(model, qacc_warmstart) if warm else None
-    if any(block.approach is not None for block in blocks):
+    if any(block.rigid or block.approach is not None for block in blocks):
         found = _rigid(motion, contact, blocks, operator, force, guess)
         return _with_nan_unless(found.status.finite, found)
     found = _minimiser(model, operator, force)(problem, guess)
@@ -176,7 +180,7 @@ def with_entry_times(motion: Motion, found: Constrained, qfrc_smooth: Float[Arra
 def _rigid(
     motion: Motion, contact: Contact, blocks: list[Block], operator: TreeOperator, force, guess
 ) -> Constrained:
-    """The solution with rigid contacts, whose impacts are those without contact forces."""
+    """The solution with rigid rows; impacts of contacts are those without contact forces."""
     model, h = motion.model, motion.model.opt.timestep
     free = operator.unconstrained(force)
     impacts = []
@@ -185,7 +189,8 @@ def _rigid(
             found = impact(h, approach, acceleration[:, 0])
             blocks[i] = block.replace(kind=at_targets(h, block.kind, approach, found))
             impacts.append((i, approach, found))
-    problem, rigid = Problem(tuple(b.kind for b in blocks)), tuple(i for i, *_ in impacts)
+    problem = Problem(tuple(b.kind for b in blocks))
+    rigid = tuple(i for i, b in enumerate(blocks) if b.rigid or b.approach is not None)
     found = solve_rigid(
         problem,
         operator,
@@ -197,8 +202,10 @@ def _rigid(
         tolerance=rigid_tolerance(force.dtype),
     )
     y, forces = attach_rigid(found, problem, operator, force, rigid)
-    moved = impact_displacement(h, impacts, forces, operator)
     outcome = _outcome(motion, contact, blocks, operator, y, forces, found.whole_status())
+    if not impacts:
+        return outcome
+    moved = impact_displacement(h, impacts, forces, operator)
     return outcome.replace(displacement=from_compound_order(model, moved))
 
 

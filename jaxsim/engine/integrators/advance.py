@@ -56,13 +56,18 @@ def advance(
     return state.replace(
         qpos=integrate_pos(model, state.qpos, after if qvel is None else qvel, h),
         qvel=after,
-        act=_next_activation(model, state.act, act_dot, actuator_length),
+        act=next_activations(model, state.act, act_dot, actuator_length),
         time=time,
         time_excess=excess,
     )
 
 
-def _next_activation(model: Model, act, act_dot, actuator_length) -> Float[Array, "na"]:
+def next_activations(
+    model: Model,
+    act: Float[Array, "na"],
+    act_dot: Float[Array, "na"],
+    actuator_length: Float[Array, "nu"],
+) -> Float[Array, "na"]:
     """Next activations; constant for disabled actuators, wrapped for servos of rotations."""
     ids = stateful_actuators(model)
     if not len(ids) or model.opt.disabled(_ACTUATION):
