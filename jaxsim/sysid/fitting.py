@@ -176,6 +176,7 @@ def _fitting(
         substeps=substeps,
         center=chosen.stacked("center"),
         precision=1 / prior**2,
+        scale=chosen.stacked("scale"),
         refine=refine,
         huber=huber,
     )

@@ -20,6 +20,9 @@ from jaxsim.solver.levenberg_marquardt import LeastSquares, damped_diagonal, pro
 from jaxsim.sysid.prediction import Noise, predict, residual
 from jaxsim.sysid.recording import Windows
 
+# Damping of each coordinate, as a part of that of the coordinate which the data know best.
+_FLOOR = 1e-3
+
 
 class Point(NamedTuple):
     """Unknowns.
@@ -61,6 +64,7 @@ class Fitting(NamedTuple):
       substeps: time steps between samples.
       center: mean of the prior.
       precision: inverse variances of the prior.
+      scale: size of each coordinate.
       refine: whether first states are unknown too.
       huber: residual beyond which its cost grows linearly.
     """
@@ -71,6 +75,7 @@ class Fitting(NamedTuple):
     substeps: int
     center: Float[Array, "p"]
     precision: Float[Array, "p"]
+    scale: Float[Array, "p"]
     refine: bool
     huber: float
 
@@ -102,7 +107,7 @@ class Fitting(NamedTuple):
         """The problem for `solver.levenberg_marquardt`."""
         return LeastSquares(
             self.evaluate,
-            lambda found, damping: damped_step(found.normal, damping),
+            lambda found, damping: damped_step(found.normal, damping, self.scale),
             lambda a, b: jax.tree.map(jnp.add, a, b),
         )
 
@@ -123,10 +128,17 @@ def huber_cost(r: Float[Array, "*n"], bend: float) -> Float[Array, "*n"]:
     return size * (jnp.abs(r) - 0.5 * size)
 
 
-def damped_step(normal: Normal, damping: Float[Array, ""]) -> tuple[Point, Float[Array, ""]]:
-    """The step, and the decrease of the cost that it promises."""
+def damped_step(
+    normal: Normal, damping: Float[Array, ""], scale: Float[Array, "p"]
+) -> tuple[Point, Float[Array, ""]]:
+    """The step, and the decrease of the cost that it promises.
+
+    Damping counts coordinates in units of their scales, too: combinations that the data hardly
+    determine would take steps so long that the problem is another one there.
+    """
     extra = jax.vmap(damped_diagonal, (0, None))(normal.ss, damping)
-    diagonal = damped_diagonal(normal.pp, damping)
+    known = jnp.diagonal(normal.pp) * scale**2
+    diagonal = damped_diagonal(normal.pp, damping) + damping * _FLOOR * known.max() / scale**2
     S, g, Y, y = _eliminated(normal, extra)
     dx = -_solve(S + jnp.diag(diagonal), g[:, None])[:, 0]
     starts = -(y + Y @ dx)
