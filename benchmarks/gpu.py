@@ -9,7 +9,7 @@ the device for itself. Those that were not compiled in time come last, and say s
 
 examples:
   python benchmarks/gpu.py                    eight minutes on a GPU
-  python benchmarks/gpu.py --cpu --dry        the same on a CPU in tiny sizes: that it works
+  python benchmarks/gpu.py --cpu              the same on a CPU in tiny sizes: that it works
 """
 
 import argparse
@@ -57,11 +57,13 @@ def main(arguments=None) -> None:
 def _options(arguments) -> argparse.Namespace:
     parser = common.parser(__doc__, repetitions=7)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.add_argument("--cpu", action="store_true", help="tiny sizes on a CPU")
+    parser.add_argument("--cpu", action="store_true", help="tiny sizes on a CPU, no files")
     parser.add_argument("--minutes", type=float, default=8, help="time for all rows (8)")
     parser.add_argument("--kinds", nargs="+", default=KINDS, choices=KINDS, help="which rows")
     parser.add_argument("--steps", type=int, default=50, help="steps of a rollout")
-    return parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
+    options.dry |= options.cpu  # rates of tiny sizes must not take the place of a GPU's
+    return options
 
 
 def _jobs(options) -> list[dict]:

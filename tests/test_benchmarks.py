@@ -139,7 +139,7 @@ def test_a_row_of_a_gpu_that_fails_says_why_and_stops_no_other(gpu, monkeypatch,
         gpu._row("check", "nobody", "x", 1),
     ]
     monkeypatch.setattr(gpu, "_tiny_jobs", lambda options: fail)
-    gpu.main(["--cpu", "--dry"])
+    gpu.main(["--cpu"])
     said = capsys.readouterr().out
     assert "repetitions" in said
     assert "nobody" in said
