@@ -81,7 +81,7 @@ examples:
   jaxsim view run.npz
   jaxsim view my_robot.xml --window             where there is a display
 
-The page needs an extra: pip install "jaxsim-physics[view]", or in a clone pip install ".[view]".
+The page needs viser: pip install viser, or in a clone pip install ".[view]".
 """
 
 _TRAIN = """\

@@ -19,6 +19,7 @@ def run(arguments: argparse.Namespace) -> int:
     source = _policy(arguments, what) if what.is_dir() else _model(arguments)
     try:
         if arguments.window:
+            note("compiling; then the window opens")
             live.in_window(source)
         else:
             live.in_browser(

@@ -7,20 +7,24 @@ the surfaces met. It is restored here without a change of the values.
 
     t = r / v          time since the row began to act: its violation r over its rate v
     s = t / h          the same as a share of the time step h, in a row's first step
-    u = f / -df        share of a step until the force f ends, df its change, in its last step
+    e = -r / v         time until the surfaces part, in a row's last step
+    u                  share of that step for which the row acts: until its force f ends,
+                       `f / -df` with its change df, or `e / h` if that is sooner
 
 A velocity of a semi-implicit step belongs to the middle between two positions, so the force at a
 step stands for half a step on either side. In the first step of a row it acts for the part
 `s + 1/2` of that, in the last for `u + 1/2`. So the velocity gets, beside the derivative of the
 step, that of
 
-    H^-1 J^T (f0 t + h (s - 1/2) f)      and      h H^-1 J^T (u - 1/2) f
+    H^-1 J^T (f0 t + h (s - 1/2) f)      and      H^-1 J^T (f1 e + h (u - 1/2) f)
 
-where t and f have derivatives and all else is constant, and f0 is the force at violation zero.
+where t, e and f have derivatives and all else is constant, f0 is the force at violation zero as a
+row begins, and f1 that as the surfaces part, zero if the force has ended before.
 `docs/gradients.md` has the derivation.
 """
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -34,7 +38,7 @@ from jaxsim.arrays.constants import MINVAL
 from jaxsim.batching.primitives.jvp_rule import with_jvp_rule
 from jaxsim.constraint.impedance import Response
 from jaxsim.solver import Kind, Operator, Problem, solve_hessian
-from jaxsim.solver.operator import Rows
+from jaxsim.solver.operator import Rows, weighed
 
 # An entry counts if a step changes the rate of its row by less than this part.
 _PART = 0.25
@@ -47,6 +51,7 @@ class Entry:
     Attributes:
       new: whether the row became active within the last step.
       time: how long ago (s), zero for others.
+      violation: distance minus margin; negative numbers are violations.
       velocity: rate of the violation.
       kind: cost of the rows, as if the violation of new ones were zero still.
       response: stiffness, damping and impedance.
@@ -55,6 +60,7 @@ class Entry:
 
     new: Bool[Array, "n"]
     time: Float[Array, "n"]
+    violation: Float[Array, "n"]
     velocity: Float[Array, "n"]
     kind: Kind
     response: Response
@@ -87,7 +93,9 @@ def entry(
     # Rows with a violation of exactly zero are not active.
     first = -jnp.sqrt(jnp.finfo(violation.dtype).tiny)
     kind = kind_at(jnp.where(new, first, violation))
-    return Entry(new, time, velocity, kind, response, jnp.maximum(inverse_inertia, MINVAL))
+    return Entry(
+        new, time, violation, velocity, kind, response, jnp.maximum(inverse_inertia, MINVAL)
+    )
 
 
 def entry_acceleration(
@@ -117,28 +125,51 @@ def entry_acceleration(
     acting = {i: entry for i, entry in enumerate(entries) if entry is not None}
     change = operator.rows(operator.lift(h * x))
     moving = {
-        i: (entry.time, forces[i], entry.velocity + 0.5 * _normal(change[i]))
+        i: (
+            entry.time,
+            forces[i],
+            entry.velocity + 0.5 * _normal(change[i]),
+            _time_until_apart(entry, change[i]),
+        )
         for i, entry in acting.items()
     }
-    held = lax.stop_gradient((acting, list(kinds), forces, operator, h, change))
-    acting, kinds, forces, operator, h, change = held
+    held = lax.stop_gradient((acting, list(kinds), forces, operator, h, change, x))
+    acting, kinds, forces, operator, h, change, x = held
+    force_changes = _force_changes(h, acting, kinds, operator, x, change)
+    apart = {i: times[3] / h for i, times in lax.stop_gradient(moving).items()}
     problem = Problem(tuple(acting[i].kind if i in acting else k for i, k in enumerate(kinds)))
     first = operator.rows(operator.lift(_kept(minimised(problem))))
     jumps, curvatures = problem.forces(first), list(problem.curvatures(first))
     factors = {}
     for i, entry in acting.items():
-        entry = entry.replace(new=entry.new & _resolved(h, entry, jumps[i]))
-        ends = _share_until_end(h, entry, forces[i], change[i])
-        factors[i] = _factors(h, entry, jumps[i], forces[i], ends)
+        entry = entry.replace(new=entry.new & _resolved(h, entry, jumps[i], entry.velocity))
+        last = _last_step(h, entry, forces[i], force_changes[i], change[i], apart[i])
+        ends = last.share
+        factors[i] = _factors(h, entry, jumps[i], forces[i], last)
         switches = _spread(entry.new | (ends < 1), curvatures[i])
         curvatures[i] = jnp.where(switches, 0.0, curvatures[i])
     nothing = tuple(jnp.zeros_like(f) for f in forces)
     return _moved(moving, (operator, tuple(curvatures), nothing, factors))
 
 
-def _factors(h, entry: Entry, jump, force, ends) -> tuple[Array, Array, Array]:
-    """Factors of the tangents of a block's entry times, forces and rates in its extra force."""
-    s, u = entry.time / h, ends
+class LastStep(NamedTuple):
+    """How the rows of a block end to act within a step.
+
+    Attributes:
+      share: of the step for which they act; 1 if they do not end.
+      force: what they are at their end; zero if it is that what ends them.
+    """
+
+    share: Float[Array, "n"]
+    force: Array
+
+
+def _factors(h, entry: Entry, jump, force, last: LastStep) -> tuple[Array, Array, Array, Array]:
+    """Factors of the tangents of what moves in a block in its extra force.
+
+    That are entry times, forces, rates and the times until the surfaces are apart.
+    """
+    s, u = entry.time / h, last.share
     begun, ending = entry.new, u < 1
     share = jnp.where(begun, s - 0.5, 0.0) + jnp.where(ending, u - 0.5, 0.0)
     # The middle of that part of the step is not the time at which the force is evaluated.
@@ -148,32 +179,91 @@ def _factors(h, entry: Entry, jump, force, ends) -> tuple[Array, Array, Array]:
     pushing = normal > 0
     direction = force * _spread(jnp.where(pushing, 1 / jnp.where(pushing, normal, 1.0), 0.0), force)
     rate = -_spread(k * h * shift, force) * direction
-    return jnp.where(_spread(begun, jump), jump / h, 0.0), _spread(share, force), rate
+    return (
+        jnp.where(_spread(begun, jump), jump / h, 0.0),
+        _spread(share, force),
+        rate,
+        last.force / h,
+    )
 
 
-def _resolved(h, entry: Entry, jump) -> Bool[Array, "n"]:
-    """Whether several steps pass until the force at entry has turned the rate of its row round.
+def _resolved(h, entry: Entry, jump, velocity) -> Bool[Array, "n"]:
+    """Whether it takes several steps until a force that jumps has turned the rate of its row round.
 
     Otherwise the row leaves within a step or two, as what slides fast on MuJoCo's friction does all
     the time, and an expansion in the time since entry means nothing: errors of such entries
     multiply.
     """
     turning = h * entry.inverse_inertia * _normal(jump)
-    return turning < _PART * jnp.abs(entry.velocity)
+    return turning < _PART * jnp.abs(velocity)
 
 
-def _share_until_end(h, entry: Entry, force, change) -> Float[Array, "n"]:
-    """Share of a step until the force of a row ends, 1 if it does not.
+def _force_changes(h, acting: dict[int, Entry], kinds, operator: Operator, x, change) -> Rows:
+    """Changes of all forces during the step, to first order.
 
-    The force is extrapolated: `df = d daref / A`, with the inverse inertia A and the impedance d.
-    The change is that of the row's velocity during the step.
+    References change by `daref = -b dv - k d dr` as violations and their rates do, so the
+    acceleration changes by `da = H^-1 J^T W daref`, and forces by `df = W (daref - J da)`. So the
+    force of a row that is coupled with others, such as a normal force with friction, changes as
+    they do.
+
+    Args:
+      h: time step.
+      acting: what decides when rows act, by their block.
+      kinds: cost of each block.
+      operator: mass matrix and Jacobian of the blocks.
+      x: acceleration.
+      change: of the velocities of the rows during the step.
     """
-    force, change = _normal(force), _normal(change)
-    moved = h * (entry.velocity + change)
-    daref = jax.vmap(Response.reference)(entry.response, change, moved)
-    df = entry.response.impedance * daref / entry.inverse_inertia
-    ends = (force > 0) & (force + df <= 0)
-    return jnp.where(ends, force / jnp.where(ends, -df, 1.0), 1.0)
+    curvatures = Problem(tuple(kinds)).curvatures(operator.rows(operator.lift(x)))
+    references = [jnp.zeros_like(rows) for rows in change]
+    for i, entry in acting.items():
+        references[i] = _reference_change(h, entry, change[i])
+    pushed = tuple(
+        weighed(W, r[..., None])[..., 0] for W, r in zip(curvatures, references, strict=True)
+    )
+    da = solve_hessian(operator, tuple(curvatures), operator.pull(pushed))
+    moved = operator.rows(operator.lift(da))
+    return tuple(
+        f - weighed(W, r[..., None])[..., 0]
+        for f, W, r in zip(pushed, curvatures, moved, strict=True)
+    )
+
+
+def _reference_change(h, entry: Entry, change) -> Array:
+    """Change of the reference accelerations of a block's rows; friction has dampers only."""
+    moved = h * (entry.velocity + _normal(change))
+    spring = entry.response.stiffness * entry.response.impedance * moved
+    damper = _spread(entry.response.damping, change) * change
+    normal = jnp.zeros_like(change).reshape(len(change), -1).at[:, 0].set(spring)
+    return -damper - normal.reshape(change.shape)
+
+
+def _time_until_apart(entry: Entry, change) -> Float[Array, "n"]:
+    """Time until a violation is zero at the velocity of the step's end; infinite if it grows."""
+    velocity = entry.velocity + _normal(change)
+    leaves = (entry.violation < 0) & (velocity > 0)
+    return jnp.where(leaves, -entry.violation / jnp.where(leaves, velocity, 1.0), jnp.inf)
+
+
+def _last_step(h, entry: Entry, force, force_change, change, apart) -> LastStep:
+    """The end of the rows of a block: where their force is zero, or where the surfaces part.
+
+    Args:
+      h: time step.
+      entry: what decides when the rows act.
+      force: now.
+      force_change: of the force during the step.
+      change: of the velocities of the rows.
+      apart: time until the surfaces part, in steps.
+    """
+    f, df = _normal(force), _normal(force_change)
+    leaving = entry.velocity + _normal(change)
+    fades = (f > 0) & (f + df <= 0)
+    fade = jnp.where(fades, f / jnp.where(fades, -df, 1.0), 1.0)
+    parts = (f > 0) & (apart < fade)
+    left = force + _spread(jnp.where(parts, apart, 0.0), force) * force_change
+    parts = parts & _resolved(h, entry, force, leaving)
+    return LastStep(jnp.where(parts, apart, fade), jnp.where(_spread(parts, force), left, 0.0))
 
 
 def _kept(x: Float[Array, "nv"]) -> Float[Array, "nv"]:

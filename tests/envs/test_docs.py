@@ -86,10 +86,10 @@ def blocks(page: str) -> list[str]:
 @pytest.mark.parametrize(
     "page", ["own_environment", "bridges", "quick_start", "coming_from", "how_to", "pictures"]
 )
-def test_examples_of_a_page_run(page):
-    """All blocks in order, in a process of their own."""
-    code = "\n".join(blocks(page))
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=600)
+def test_examples_of_a_page_run(page, tmp_path):
+    """All blocks in order, in a process and a folder of their own."""
+    command = [sys.executable, "-c", "\n".join(blocks(page))]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr[-2000:]
 
 

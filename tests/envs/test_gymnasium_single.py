@@ -6,6 +6,8 @@ import subprocess
 import sys
 
 import gymnasium
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
@@ -14,6 +16,7 @@ from gymnasium.utils.env_match import check_environments_match
 import jaxsim.envs
 from jaxsim.envs.bridges import gymnasium_id, register_gymnasium, single
 from jaxsim.envs.bridges.constant import Constant
+from jaxsim.envs.bridges.vector import GymnasiumVectorEnv
 from jaxsim.envs.registry import entries
 from jaxsim.lanes import switch
 
@@ -43,6 +46,14 @@ def test_its_step_is_a_kernel_unless_they_are_off(monkeypatch, setting, kernels)
     monkeypatch.setattr(switch, "lanes_installed", lambda: True)
     single.GymnasiumEnv("fast").reset(seed=0)
     assert len(made) == kernels
+
+
+def test_a_batch_of_models_is_refused():
+    env = jaxsim.envs.make("fast")
+    envs = jax.tree.map(lambda x: jnp.stack([x, x]), env)
+    for bridge in (single.GymnasiumEnv, GymnasiumVectorEnv):
+        with pytest.raises(ValueError, match=r"batch of models of shape \(2,\)"):
+            bridge(envs)
 
 
 def test_registering_twice_changes_nothing():

@@ -38,6 +38,20 @@ class Batch:
     keys: Array
 
 
+def check_single(env: Env) -> None:
+    """Say that bridges batch an environment themselves.
+
+    Raises:
+      ValueError: the environment holds a batch of models.
+    """
+    if env.model.qpos0.ndim != 1:
+        raise ValueError(
+            "one environment is needed, which is batched here; this one holds a batch of models "
+            f"of shape {env.model.qpos0.shape[:-1]}: wrap one in jaxsim.envs.wrappers.Randomize "
+            "for models that differ"
+        )
+
+
 def root_keys(seeds: Sequence[int]) -> Array:
     """The start of each environment's chain of keys, from any non-negative integers."""
     words = [np.random.SeedSequence(seed).generate_state(1)[0] for seed in seeds]

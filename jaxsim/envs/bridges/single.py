@@ -94,6 +94,7 @@ class GymnasiumEnv(gymnasium.Env):
             env = self._given
             if isinstance(env, str):
                 env = make(env, max_episode_steps=None, **self._options)
+            batch.check_single(env)
             self._constant = Constant(env)
         return self._constant
 

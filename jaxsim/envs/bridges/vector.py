@@ -64,7 +64,8 @@ class GymnasiumVectorEnv(VectorEnv):
           **options: the fields of the environment, where it is given by name.
 
         Raises:
-          ValueError: num_envs is not positive, or there is no such mode.
+          ValueError: num_envs is not positive, there is no such mode, or the environment holds a
+            batch of models.
           RuntimeError: this process was forked after JAX had started.
         """
         if num_envs < 1:
@@ -73,6 +74,7 @@ class GymnasiumVectorEnv(VectorEnv):
         if isinstance(env, str):
             limit = None if max_episode_steps == -1 else max_episode_steps
             env = make(env, max_episode_steps=limit, **options)
+        batch.check_single(env)
         self.env, self.num_envs = env, num_envs
         self._constant = Constant(env)
         self.autoreset_mode = AutoresetMode(autoreset_mode)

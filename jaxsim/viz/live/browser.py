@@ -13,7 +13,7 @@ from jaxsim.viz.live.pull import Pull
 from jaxsim.viz.live.solids import solid
 from jaxsim.viz.live.source import Parameters
 
-_NO_VISER = 'the page in the browser needs viser: pip install "jaxsim-physics[view]"'
+_NO_VISER = "the page in the browser needs viser: pip install viser"
 _SPEEDS, _MASSES = (0.1, 2.0), (0.1, 5.0)
 _LONGEST = 1.5  # radii
 
