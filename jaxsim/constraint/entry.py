@@ -133,9 +133,9 @@ def entry_acceleration(
         )
         for i, entry in acting.items()
     }
-    held = lax.stop_gradient((acting, list(kinds), forces, operator, h, change, x))
-    acting, kinds, forces, operator, h, change, x = held
-    force_changes = _force_changes(h, acting, kinds, operator, x, change)
+    held = lax.stop_gradient((acting, list(kinds), forces, operator, h, change))
+    acting, kinds, forces, operator, h, change = held
+    force_changes = _force_changes(h, acting, kinds, operator, change)
     apart = {i: times[3] / h for i, times in lax.stop_gradient(moving).items()}
     problem = Problem(tuple(acting[i].kind if i in acting else k for i, k in enumerate(kinds)))
     first = operator.rows(operator.lift(_kept(minimised(problem))))
@@ -198,7 +198,7 @@ def _resolved(h, entry: Entry, jump, velocity) -> Bool[Array, "n"]:
     return turning < _PART * jnp.abs(velocity)
 
 
-def _force_changes(h, acting: dict[int, Entry], kinds, operator: Operator, x, change) -> Rows:
+def _force_changes(h, acting: dict[int, Entry], kinds, operator: Operator, change) -> Rows:
     """Changes of all forces during the step, to first order.
 
     References change by `daref = -b dv - k d dr` as violations and their rates do, so the
@@ -211,10 +211,9 @@ def _force_changes(h, acting: dict[int, Entry], kinds, operator: Operator, x, ch
       acting: what decides when rows act, by their block.
       kinds: cost of each block.
       operator: mass matrix and Jacobian of the blocks.
-      x: acceleration.
-      change: of the velocities of the rows during the step.
+      change: of the velocities of the rows during the step, `h J x`.
     """
-    curvatures = Problem(tuple(kinds)).curvatures(operator.rows(operator.lift(x)))
+    curvatures = Problem(tuple(kinds)).curvatures(tuple(rows / h for rows in change))
     references = [jnp.zeros_like(rows) for rows in change]
     for i, entry in acting.items():
         references[i] = _reference_change(h, entry, change[i])
@@ -275,8 +274,8 @@ def _moved(moving: dict[int, tuple], held: tuple) -> Float[Array, "nv"]:
     """Zero; its tangent is `H^-1 J^T df`, df the sum of factors times tangents.
 
     Args:
-      moving: for some blocks, entry times, forces and rates.
-      held: operator, curvatures of H, forces that are zero, and three factors for each of these
+      moving: for some blocks, entry times, forces, rates and times until the surfaces are apart.
+      held: operator, curvatures of H, forces that are zero, and four factors for each of these
         blocks.
     """
     leaves, structure = jax.tree.flatten((moving, held))

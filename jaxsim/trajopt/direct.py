@@ -105,9 +105,8 @@ class Direct:
 
     def shift(self, now: Iterate) -> Iterate:
         """One step later, for a state that was measured anew."""
-        memory, given = now.memory, now.memory.multipliers
-        late = {name: shifted(getattr(given, name)) for name in ("missing", "above", "below")}
-        memory = memory.replace(path=shifted(memory.path), multipliers=given.replace(**late))
+        path, multipliers = shifted(now.memory.path), now.memory.multipliers.shifted()
+        memory = now.memory.replace(path=path, multipliers=multipliers)
         return now.replace(ctrls=shifted(now.ctrls), states=shifted(now.states), memory=memory)
 
     def _judged(

@@ -122,10 +122,8 @@ class InverseDynamics:
 
     def shift(self, now: Iterate) -> Iterate:
         """One step later, for a state that was measured anew."""
-        memory, given = now.memory, now.memory.multipliers
-        late = {name: shifted(getattr(given, name)) for name in ("missing", "above", "below")}
-        path, multipliers = shifted(memory.path), given.replace(**late)
-        memory = memory.replace(path=path, multipliers=multipliers)
+        path, multipliers = shifted(now.memory.path), now.memory.multipliers.shifted()
+        memory = now.memory.replace(path=path, multipliers=multipliers)
         return now.replace(ctrls=shifted(now.ctrls), states=shifted(now.states), memory=memory)
 
     def _judged(self, problem: Problem, now: Iterate, memory: _Memory, c, fall) -> Iterate:

@@ -16,6 +16,7 @@ from flax import struct
 from jax import lax
 from jaxtyping import Array, Float
 
+from jaxsim.trajopt.plan import shifted
 from jaxsim.trajopt.problem import Problem
 from jaxsim.trajopt.transcription.banded import Pentadiagonal, assemble, assemble_vector
 from jaxsim.trajopt.transcription.protocol import Transcription
@@ -44,6 +45,11 @@ class Multipliers:
         """The next multipliers."""
         above, below = self.pushes(problem, ctrls)
         return self.replace(missing=self.missing + self.penalty * c, above=above, below=below)
+
+    def shifted(self) -> "Multipliers":
+        """Those of one step later."""
+        late = {name: shifted(getattr(self, name)) for name in ("missing", "above", "below")}
+        return self.replace(**late)
 
     def pushes(self, problem: Problem, ctrls: Float[Array, "T nu"]) -> tuple[Array, Array]:
         """`max(0, mu + rho g)` of the upper and of the lower limits."""

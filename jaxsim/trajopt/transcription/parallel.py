@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
-from jaxsim.batching.matrices import cholesky, triangular_solve
+from jaxsim.batching.matrices import cholesky, cholesky_solve
 
 
 class _Range(NamedTuple):
@@ -53,8 +53,13 @@ def solve_in_parallel(
     later = jax.tree.map(lambda x, end: jnp.concatenate([x[1:], end]), blocks, beyond)
     after = lax.associative_scan(lambda a, b: join(b, a), later, reverse=True)
     slope = before.right_slope + after.left_slope
-    x = -jax.vmap(_solve)(before.right + after.left, slope[:, :, None])
+    x = -jax.vmap(_solve)(before.right + after.left, slope)
     return x.reshape(-1, m)[:T]
+
+
+def _solve(A: Float[Array, "k k"], b: Float[Array, "k ..."]) -> Float[Array, "k ..."]:
+    """`A^-1 b` for a symmetric positive definite matrix."""
+    return cholesky_solve(cholesky(A), b)
 
 
 def _joined(a: _Range, b: _Range) -> _Range:
@@ -72,12 +77,6 @@ def _joined(a: _Range, b: _Range) -> _Range:
         left_slope=a.left_slope - a.cross.T @ alone,
         right_slope=b.right_slope - b.cross @ alone,
     )
-
-
-def _solve(A: Float[Array, "k k"], b: Float[Array, "k n"]) -> Float[Array, "k n"]:
-    """`A^-1 b` for a symmetric positive definite matrix."""
-    L = cholesky(A)
-    return triangular_solve(L.T, triangular_solve(L, b, lower=True), lower=False)
 
 
 def _in_pairs(diagonal: Array, first: Array, second: Array, b: Array) -> _Range:
