@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import functools
 import math
 import pathlib
 import time
@@ -18,6 +19,7 @@ from jaxsim.rl import config, metrics
 from jaxsim.rl.algorithm import Algorithm
 from jaxsim.rl.bar import Bar
 from jaxsim.rl.checkpoint import KEPT, Checkpoints
+from jaxsim.rl.evaluation import Evaluation
 from jaxsim.rl.lookup import ALGORITHMS, algorithm_class, algorithm_name, make_env
 from jaxsim.rl.networks import Policy
 from jaxsim.rl.pace import Pace
@@ -84,8 +86,8 @@ def train(
 ) -> Result:
     """Train a policy on all devices.
 
-    An interrupt (Ctrl-C) ends training after the current epoch, with a checkpoint; a second one
-    ends it at once.
+    An interrupt (Ctrl-C) ends training after the epochs that have been started, two at most, with a
+    checkpoint; a second one ends it at once.
 
     Args:
       env: name of an environment, "module:Class", or an environment (without `AutoReset`).
@@ -98,7 +100,7 @@ def train(
       resume: whether to continue from the newest checkpoint in `directory`, if there is one.
       progress: whether to show a progress bar.
       mesh: the devices to use; all by default.
-      watch: called with the policy after each epoch.
+      watch: called with the policy after each epoch, while the next one runs.
 
     Returns:
       The policy and the history of the training.
@@ -136,6 +138,27 @@ def resolve(
     return config.override(settings, overrides)
 
 
+@dataclasses.dataclass(frozen=True)
+class _Epoch:
+    """An epoch that has been started; the numbers are on the device, not yet waited for.
+
+    Attributes:
+      steps: environment steps of the training up to its end.
+      begun: when it was started.
+      numbers: what it logs.
+      watched: the policy after it, if somebody watches.
+      stored: copies of the training and the policy after it, if a checkpoint was due.
+      evaluation: of the policy after it, if one was due.
+    """
+
+    steps: int
+    begun: float
+    numbers: dict[str, Any]
+    watched: Policy | None
+    stored: tuple[Training, Policy] | None
+    evaluation: Evaluation | None
+
+
 class _Run:
     """One training: its settings, its progress and its outputs."""
 
@@ -159,6 +182,7 @@ class _Run:
         self.history: list[metrics.Row] = []
         self.watch: Callable[[Policy], None] | None = None
         self.timed: Callable[[Training, float], None] | None = None
+        self.free = 0.0  # when the device had done all that was waited for
 
     def go(self, folder: pathlib.Path | None, resume: bool, progress: bool) -> Result:
         """Open the directory, compile, train, save."""
@@ -247,27 +271,64 @@ class _Run:
         return [logs]
 
     def _loop(self, programs: Programs, training, interrupts, store, outputs) -> Training:
-        done = False
+        """Start each epoch before the one before it, and its evaluation, are waited for.
+
+        So the device never waits for the host: what an epoch found is read, logged and stored while
+        the next one runs. Only where there is a target, which may end the training, is an
+        evaluation read at once.
+        """
+        end = functools.partial(self._end, store, outputs)
+        target, last, done = self.settings.target, None, False
         while not done:
-            before = time.perf_counter()
-            training, numbers = programs.epoch(training)
-            row = {name: float(value) for name, value in numbers.items()}
-            if self.timed is not None:
-                self.timed(training, time.perf_counter() - before)
-            if self.watch is not None:
-                self.watch(programs.policy(training.learner))
-            due = self._advance()
+            training, epoch = self._begin(programs, training, store)
+            if last is not None:
+                end(last, training)
+            last = epoch
             done = interrupts.seen or self.steps >= self.settings.total_steps
-            if due and not interrupts.seen:
-                row |= programs.evaluate(training.learner).metrics()
-                target = self.settings.target
-                done |= target is not None and row["eval_return"] >= target
-            row = {"steps": self.steps, "seconds": time.perf_counter() - self.started} | row
-            self._write(row, store, outputs)
-            if store is not None and (due or done):
-                kept = {name: row[name] for name in ("seconds", "eval_return") if name in row}
-                store.save(self.steps, training, programs.policy(training.learner), kept)
+            if epoch.evaluation is not None and target is not None:
+                done |= end(epoch, training)["eval_return"] >= target
+                last = None
+        if last is not None:
+            now = training, programs.policy(training.learner)
+            end(dataclasses.replace(last, stored=now), training)
         return training
+
+    def _begin(self, programs: Programs, training, store) -> tuple[Training, _Epoch]:
+        """Start an epoch, and what is due after it, of which the next epoch would leave nothing."""
+        begun = time.perf_counter()
+        training, numbers = programs.epoch(training)
+        due, policy = self._advance(), lambda: programs.policy(training.learner)
+        stores = due and store is not None
+        return training, _Epoch(
+            steps=self.steps,
+            begun=begun,
+            numbers=numbers,
+            watched=policy() if self.watch is not None else None,
+            stored=(programs.copy(training), policy()) if stores else None,
+            evaluation=programs.evaluate(training.learner) if due else None,
+        )
+
+    def _end(self, store, outputs, epoch: _Epoch, training) -> metrics.Row:
+        """Wait for an epoch, log it, store what is due; `training` is the newest state.
+
+        Nothing is computed on the device for it, which would come after the epoch that runs there.
+        """
+        row = {name: float(x) for name, x in jax.device_get(epoch.numbers).items()}
+        seconds = time.perf_counter() - max(epoch.begun, self.free)
+        if epoch.evaluation is not None:
+            row |= epoch.evaluation.metrics()
+        self.free = time.perf_counter()
+        row = {"steps": epoch.steps, "seconds": self.free - self.started} | row
+        if self.watch is not None and epoch.watched is not None:
+            self.watch(epoch.watched)
+        self._write(row, store, outputs)
+        if store is not None and epoch.stored is not None:
+            kept = {name: row[name] for name in ("seconds", "eval_return") if name in row}
+            store.save(epoch.steps, *epoch.stored, kept)
+        if self.timed is not None:
+            self.timed(training, seconds)
+            self.free = time.perf_counter()
+        return row
 
     def _write(self, row: metrics.Row, store: Checkpoints | None, outputs) -> None:
         self.history.append(row)

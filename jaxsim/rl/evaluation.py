@@ -26,12 +26,13 @@ class Evaluation:
     lengths: Int[Array, "n"]
 
     def metrics(self) -> dict[str, float]:
-        """Summary for logs."""
+        """Summary for logs, on the host: on the device it would come after what runs there."""
+        returns, lengths = jax.device_get((self.returns, self.lengths))
         return {
-            "eval_return": float(self.returns.mean()),
-            "eval_return_std": float(self.returns.std()),
-            "eval_return_min": float(self.returns.min()),
-            "eval_length": float(self.lengths.mean()),
+            "eval_return": float(returns.mean()),
+            "eval_return_std": float(returns.std()),
+            "eval_return_min": float(returns.min()),
+            "eval_length": float(lengths.mean()),
         }
 
 

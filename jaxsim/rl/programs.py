@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 from jax import lax
 from jax.sharding import Mesh
 
@@ -26,12 +27,14 @@ class Programs:
       epoch: `Training -> (Training, metrics)`; the memory of the argument is reused.
       evaluate: `learner -> Evaluation` of the deterministic policy.
       policy: `learner -> Policy`, replicated on all devices.
+      copy: `Training -> Training`, in memory of its own.
     """
 
     start: Callable[[], Training]
     epoch: Callable[[Training], tuple[Training, dict[str, Any]]]
     evaluate: Callable[[Any], Evaluation]
     policy: Callable[[Any], Policy]
+    copy: Callable[[Training], Training]
 
 
 class Start:
@@ -70,11 +73,13 @@ def compile_all(env: Env, algorithm: Algorithm, seed: int, mesh: Mesh, start: St
         EVERYWHERE,
     )
     policy = parallel(algorithm.policy, mesh, (EVERYWHERE,), EVERYWHERE)
+    copy = parallel(lambda training: jax.tree.map(jnp.copy, training), mesh, (SPECS,), SPECS)
     lowered = {
         "start": start.program.lower(),
         "epoch": epoch_program(algorithm, mesh).lower(template),
         "evaluate": judge.lower(template.learner),
         "policy": policy.lower(template.learner),
+        "copy": copy.lower(template),
     }
     with concurrent.futures.ThreadPoolExecutor() as pool:
         compiled = {name: pool.submit(program.compile) for name, program in lowered.items()}

@@ -43,6 +43,41 @@ def test_target_ends_training(tiny):
     assert result.history[-1]["steps"] == 256
 
 
+@pytest.mark.parametrize(
+    ("target", "order"),
+    [
+        (None, "epoch epoch evaluate read epoch read read epoch evaluate"),
+        (1e9, "epoch epoch evaluate read read read epoch epoch evaluate"),
+    ],
+)
+def test_the_next_epoch_is_started_before_an_evaluation_is_read(tiny, monkeypatch, target, order):
+    """Unless there is a target, which may be reached."""
+    events = []
+
+    def noted(name, f):
+        return lambda *args: (events.append(name), f(*args))[1]
+
+    compile_all = driver.compile_all
+
+    def compiled(*args):
+        programs = compile_all(*args)
+        started = {n: noted(n, getattr(programs, n)) for n in ("epoch", "evaluate")}
+        return dataclasses.replace(programs, **started)
+
+    monkeypatch.setattr(driver, "compile_all", compiled)
+    monkeypatch.setattr(jax, "device_get", noted("read", jax.device_get))
+    train("fast", settings=tiny | {"target": target})
+    assert " ".join(events).startswith(order)
+
+
+def test_each_policy_is_watched_and_stays(whole, tiny, bits):
+    """The epoch that follows reuses the memory of what the policy is copied from."""
+    seen = []
+    result = train("fast", settings=tiny, watch=seen.append)
+    assert len({b"".join(bits(policy)) for policy in seen}) == 4
+    assert bits(seen[-1]) == bits(result.policy) == bits(whole.policy)
+
+
 def test_seed_decides_everything(whole, tiny, bits):
     again, other = (train("fast", settings=tiny, seed=s).training for s in (0, 1))
     assert bits(whole.training) == bits(again)

@@ -1,4 +1,4 @@
-"""Handling of interrupts so that the current epoch can finish."""
+"""Handling of interrupts so that epochs that run can finish."""
 
 import contextlib
 import signal
