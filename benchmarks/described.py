@@ -57,8 +57,8 @@ def compile_for_device(f, *args, ours: bool = True):
     return compiled, time.perf_counter() - start
 
 
-def compile_epoch(name: str, task: str):
-    """A trainer with its settings for a GPU, its compiled epoch, and the seconds it took."""
+def compile_training(name: str, task: str):
+    """A trainer with its settings for a GPU, its epoch, its evaluation, and the epoch's seconds."""
     from jaxsim import envs
     from jaxsim.lanes.switch import enable_lanes
     from jaxsim.parallel.devices import device_mesh
@@ -67,9 +67,11 @@ def compile_epoch(name: str, task: str):
 
     enable_lanes(True)
     settings, start = resolve(task, name), time.perf_counter()
-    env = envs.AutoReset(make_env(task, settings))
-    algorithm = algorithm_class(name)(env, settings, 1)
+    env = make_env(task, settings)
+    algorithm = algorithm_class(name)(envs.AutoReset(env), settings, 1)
     mesh = device_mesh([device()])
     template = programs.Start(algorithm, 0, mesh).template
-    compiled = programs.epoch_program(algorithm, mesh).lower(template).compile()
-    return algorithm, compiled, time.perf_counter() - start
+    epoch = programs.epoch_program(algorithm, mesh).lower(template).compile()
+    seconds = time.perf_counter() - start
+    evaluation = programs.evaluation_program(env, algorithm, 0, mesh)
+    return algorithm, epoch, evaluation.lower(template.learner).compile(), seconds

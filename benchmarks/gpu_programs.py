@@ -77,16 +77,17 @@ def _row(mj, peer: str, batch: int) -> dict:
 
 
 def _epoch_row(task: str) -> dict:
-    """An epoch of PPO with the settings for a GPU."""
-    from described import compile_epoch
+    """An epoch of PPO with the settings for a GPU, and the evaluation after it."""
+    from described import compile_training
 
-    algorithm, compiled, seconds = compile_epoch("ppo", task)
+    algorithm, epoch, evaluation, seconds = compile_training("ppo", task)
     return {
         "by": "PPO",
         "envs": algorithm.config.envs,
         "steps": algorithm.steps_per_epoch,
-        "launches": launches(compiled),
-        "host waits": len(host_waits(compiled)),
+        "launches": launches(epoch),
+        "host waits": len(host_waits(epoch)),
+        "in evaluations": len(host_waits(evaluation)),
         "compile s": seconds,
     }
 
@@ -190,6 +191,8 @@ def _is_library_call(instruction) -> bool:
 def _draw(figure, rows) -> None:
     """Kernels and bytes of each candidate, those of inner loops on top."""
     rows = [r for r in rows if "why" not in r]
+    if not rows:
+        return
     names = list(dict.fromkeys(r["model"] for r in rows))
     peers = list(dict.fromkeys(r["by"] for r in rows))
     width = 0.8 / len(peers)

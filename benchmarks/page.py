@@ -389,8 +389,9 @@ SECTIONS = (
         "its row copy the state in the loop, and its frame in local memory is not counted (48 kB "
         "for a humanoid, measured on an H100). Inner: in loops and branches, counted once. Host "
         "waits: places in a rollout or an epoch where the host has to wait for the device: a loop "
-        "or a branch outside a command buffer, a copy to the host, a call into Python. Launches: "
-        'all of an epoch. Needs `pip install "jax[cuda12]"`, but no GPU.',
+        "or a branch outside a command buffer, a copy to the host, a call into Python; in "
+        "evaluations: those of the evaluation after it. Launches: all of an epoch. "
+        'Needs `pip install "jax[cuda12]"`, but no GPU.',
         gpu_programs,
     ),
 )

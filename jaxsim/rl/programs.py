@@ -66,18 +66,12 @@ def compile_all(env: Env, algorithm: Algorithm, seed: int, mesh: Mesh, start: St
       start: the program that starts the training.
     """
     template = start.template
-    judge = parallel(
-        lambda learner: _evaluate(env, algorithm, seed, mesh.size, learner),
-        mesh,
-        (EVERYWHERE,),
-        EVERYWHERE,
-    )
     policy = parallel(algorithm.policy, mesh, (EVERYWHERE,), EVERYWHERE)
     copy = parallel(lambda training: jax.tree.map(jnp.copy, training), mesh, (SPECS,), SPECS)
     lowered = {
         "start": start.program.lower(),
         "epoch": epoch_program(algorithm, mesh).lower(template),
-        "evaluate": judge.lower(template.learner),
+        "evaluate": evaluation_program(env, algorithm, seed, mesh).lower(template.learner),
         "policy": policy.lower(template.learner),
         "copy": copy.lower(template),
     }
@@ -91,6 +85,12 @@ def epoch_program(algorithm: Algorithm, mesh: Mesh) -> Any:
     """The program of an epoch, not yet traced; the memory of its argument is reused."""
     epoch = lambda training: _epoch(algorithm, training)  # noqa: E731
     return parallel(epoch, mesh, (SPECS,), (SPECS, EVERYWHERE), donate=0)
+
+
+def evaluation_program(env: Env, algorithm: Algorithm, seed: int, mesh: Mesh) -> Any:
+    """The program of an evaluation, not yet traced; arguments as for `compile_all`."""
+    judge = lambda learner: _evaluate(env, algorithm, seed, mesh.size, learner)  # noqa: E731
+    return parallel(judge, mesh, (EVERYWHERE,), EVERYWHERE)
 
 
 def learning_program(algorithm: Algorithm, mesh: Mesh) -> Any:
