@@ -28,8 +28,8 @@ class _Taken:
 
     address = launch = 0
 
-    def __init__(self, ptx: str):
-        self.ptx = ptx
+    def __init__(self, code: bytes):
+        self.code = code
 
 
 def device():

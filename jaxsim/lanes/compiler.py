@@ -16,9 +16,8 @@ from jaxsim.lanes.code.emit import CPU, Emitter, Pointers
 from jaxsim.lanes.code.handler import handler, version
 from jaxsim.lanes.code.machine import Loaded, lanes_of, llvm_version, object_code, processor
 from jaxsim.lanes.code.schedule import PIECE, Schedule
-from jaxsim.lanes.gpu import driver
+from jaxsim.lanes.gpu import driver, ptx
 from jaxsim.lanes.gpu.launcher import launcher
-from jaxsim.lanes.gpu.ptx import LONGEST, POINTERS, ptx
 from jaxsim.lanes.identity import digest
 from jaxsim.lanes.program.builder import Builder
 from jaxsim.lanes.program.graph import INPUT
@@ -82,10 +81,10 @@ def gpu_kernel(program, batched: tuple[bool, ...], capability: int) -> Kernel:
         count = len(program.in_avals), len(program.out_avals)
         stored = cache.load(key)
         if stored is None:
-            emitter = _emitter(program, batched, 1, POINTERS, LONGEST)
-            stored = ptx(emitter, sum(count), capability).encode()
+            emitter = _emitter(program, batched, 1, ptx.POINTERS, ptx.LONGEST)
+            stored = ptx.code(emitter, sum(count), capability)
             cache.save(key, stored)
-        device = driver.Loaded(stored.decode())
+        device = driver.Loaded(stored)
         host = object_code(launcher(*count, device.address, device.launch))
         _register(key, 1, "CUDA", Loaded(host), device)
     return _REGISTERED[key][0]

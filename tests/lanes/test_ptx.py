@@ -18,7 +18,7 @@ def text(f, *args, longest=ptx.LONGEST):
     program = jax.make_jaxpr(f)(*args)
     batched = (True,) * len(program.in_avals)
     emitter = compiler._emitter(program, batched, 1, ptx.POINTERS, longest)
-    return ptx.ptx(emitter, len(program.in_avals) + len(program.out_avals), 90)
+    return ptx.ptx(ptx.program(emitter, len(program.in_avals) + len(program.out_avals)), 90)
 
 
 def loop(x):
@@ -68,4 +68,4 @@ def test_no_libdevice(monkeypatch):
 @pytest.mark.skipif(pathlib.Path("/proc/driver/nvidia").exists(), reason="there is a driver")
 def test_no_driver():
     with pytest.raises(NotImplementedError, match="driver"):
-        driver.Loaded(".version 7.8")
+        driver.Loaded(b".version 7.8\0")

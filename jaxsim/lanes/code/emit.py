@@ -77,6 +77,11 @@ class Emitter:
         return "\n".join(text)
 
     @property
+    def operations(self) -> int:
+        """How many there are in all pieces."""
+        return sum(len(piece.nodes) for piece in self.schedule.pieces)
+
+    @property
     def frame_bytes(self) -> int:
         """Size of the frame of a group."""
         return max(self.schedule.size, 1) * self.slot_bytes

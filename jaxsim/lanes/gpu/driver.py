@@ -1,4 +1,4 @@
-"""CUDA's driver by ctypes: PTX becomes a kernel with an address."""
+"""CUDA's driver by ctypes: PTX or machine code becomes a kernel with an address."""
 
 import ctypes
 import functools
@@ -13,6 +13,10 @@ LOG = 8192
 class Loaded:
     """A kernel, kept as long as this object.
 
+    Args:
+      code: PTX that ends with a zero, or machine code.
+      name: of the kernel in it.
+
     Attributes:
       address: the driver's handle, a CUkernel.
       launch: address of `cuLaunchKernel`.
@@ -21,16 +25,16 @@ class Loaded:
       NotImplementedError: there is no driver, or it refuses the program.
     """
 
-    def __init__(self, ptx: str, name: str = "lanes"):
+    def __init__(self, code: bytes, name: str = "lanes"):
         driver = _driver()
         self.launch = ctypes.cast(driver.cuLaunchKernel, ctypes.c_void_p).value or 0
         log, library, kernel = ctypes.create_string_buffer(LOG), _pointer(), _pointer()
         options = (ctypes.c_int * 2)(ERROR_LOG, ERROR_LOG_BYTES)
         values = (ctypes.c_void_p * 2)(ctypes.addressof(log), LOG)
-        code = driver.cuLibraryLoadData(
-            ctypes.byref(library), ptx.encode() + b"\0", options, values, 2, None, None, 0
+        answer = driver.cuLibraryLoadData(
+            ctypes.byref(library), code, options, values, 2, None, None, 0
         )
-        _check("cuLibraryLoadData", code, log.value.decode(errors="replace"))
+        _check("cuLibraryLoadData", answer, log.value.decode(errors="replace"))
         _check(
             "cuLibraryGetKernel",
             driver.cuLibraryGetKernel(ctypes.byref(kernel), library, name.encode()),
