@@ -32,7 +32,7 @@ def machine_code(modules: list[str], capability: int) -> bytes | None:
         assemble = functools.partial(_assemble, ptxas, capability)
         try:
             return _link(library, list(pool.map(assemble, files, modules)), capability)
-        except (OSError, subprocess.CalledProcessError):
+        except (AttributeError, OSError, subprocess.CalledProcessError):  # other names, versions
             return None
 
 
