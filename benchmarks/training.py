@@ -189,7 +189,7 @@ def _thin(history: list[dict], count: int = 200) -> list[dict]:
 def _draw(options: argparse.Namespace, env: str, runs: list[dict]) -> None:
     if options.dry:
         return
-    from jaxsim.viz.curves import plot_learning
+    from jaxsim.viz.plots.learning import plot_learning
 
     curves = {f"{r['algorithm']}, seed {r['seed']}": r["history"] for r in runs}
     name = options.name or pathlib.Path(__file__).stem

@@ -18,7 +18,7 @@ from jaxsim.rl.metrics import read
 from jaxsim.rl.parts import distributed
 from jaxsim.rl.runs.directory import read_run
 from jaxsim.rl.runs.stored import stored_settings
-from jaxsim.viz.curves import plot_learning
+from jaxsim.viz.plots.learning import plot_learning
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -51,6 +51,8 @@ class Problem:
       state_limits: `(x)` to numbers (m,) that are to be at most zero, or None.
       complementarity: `(x, u, y)` to a pair of arrays (m,), y the next state, of which no number is
         to be negative and one of each two zero; or None.
+      normal_forces: `(x, u)` to the normal forces of contacts (N), where these are controls; or
+        None.
     """
 
     step: Callable[[Any, Float[Array, "nu"]], Any]
@@ -64,6 +66,7 @@ class Problem:
     frame_skip: int = 1
     state_limits: Callable[[Any], Float[Array, "m"]] | None = None
     complementarity: Callable[[Any, Array, Any], tuple[Array, Array]] | None = None
+    normal_forces: Callable[[Any, Float[Array, "nu"]], Float[Array, "n"]] | None = None
 
     def replace(self, **changes: Any) -> "Problem":
         """The same problem but for some attributes."""

@@ -4,6 +4,8 @@ import io
 import pathlib
 from typing import Any
 
+import numpy as np
+
 _NO_MATPLOTLIB = "drawing a plot needs matplotlib: pip install matplotlib"
 _STYLE: Any = {
     "axes.grid": True,
@@ -56,3 +58,11 @@ class Picture:
         data = io.BytesIO()
         self.figure.savefig(data, format="png", dpi=100)
         return data.getvalue()
+
+
+def draw_lines(axes: Any, time: Any, values: Any) -> None:
+    """Draw numbers (T,) or (T, k) against time; of many the first twelve."""
+    shown = np.asarray(values).reshape(len(time), -1)[:, :MOST_LINES]
+    axes.plot(time, shown, label=[str(i) for i in range(shown.shape[1])])
+    if shown.shape[1] > 1:
+        axes.legend(ncols=6, fontsize="small")

@@ -29,6 +29,12 @@ class Touch:
         """The rows of one time."""
         return self.rows[self.first[time] : self.first[time + 1]]
 
+    def totals(self) -> np.ndarray:
+        """(T,) sizes of all forces of a time together (N)."""
+        owner = np.repeat(np.arange(len(self.first) - 1), np.diff(self.first))
+        size = np.linalg.norm(self.rows[:, 3:], axis=1)
+        return np.bincount(owner, size, minlength=len(self.first) - 1)
+
 
 def touches(
     model: Model | mujoco.MjModel,

@@ -85,6 +85,9 @@ def with_contact_forces(problem: Problem) -> Problem:
         low=jnp.concatenate([problem.low, -free]),
         high=jnp.concatenate([problem.high, free]),
         complementarity=pairs,
+        normal_forces=lambda x, w: jnp.concatenate(
+            [c.forces.normal for c in _contacts_at(model, x, w[nu:], x)]
+        ),
     )
 
 

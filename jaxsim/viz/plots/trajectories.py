@@ -1,7 +1,6 @@
 """Plots of trajectories: quantities, energy, contact forces, gradients."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import jax
 import mujoco
@@ -12,7 +11,7 @@ from jaxsim.engine import forward
 from jaxsim.model import Model, State
 from jaxsim.viz.batch import batched
 from jaxsim.viz.models import looks_of, physics_of
-from jaxsim.viz.picture import MOST_LINES, Picture
+from jaxsim.viz.picture import Picture, draw_lines
 from jaxsim.viz.touch import touches
 
 _LABELS = {"qpos": "position", "qvel": "velocity", "act": "activation"}
@@ -47,7 +46,7 @@ def plot_trajectory(
                 f"quantities[{name!r}] must have shape ({time.size},) or ({time.size}, k), "
                 f"got {values.shape}"
             )
-        _lines(axes, time, values.reshape(time.size, -1))
+        draw_lines(axes, time, values)
         axes.set_ylabel(name)
     picture.axes[-1].set_xlabel("time (s)")
     return picture
@@ -100,12 +99,9 @@ def plot_contact_forces(
     source = looks_of(model)
     batch = batched(source, trajectory, "trajectory")
     (found,) = touches(model, batch, ctrls, np.arange(batch.qpos.shape[1]))
-    owner = np.repeat(np.arange(len(found.first) - 1), np.diff(found.first))
-    size = np.linalg.norm(found.rows[:, 3:], axis=1)
-    total = np.bincount(owner, size, minlength=len(found.first) - 1)
     picture = Picture(rows=2, title=title, sharex=True)
     time = np.asarray(batch.time[0])
-    picture.axes[0].plot(time, total)
+    picture.axes[0].plot(time, found.totals())
     picture.axes[0].set_ylabel("contact forces (N)")
     picture.axes[1].step(time, np.diff(found.first), where="post")
     picture.axes[1].set(xlabel="time (s)", ylabel="contacts")
@@ -142,10 +138,3 @@ def plot_gradient(
     right.set(xlabel=name, ylabel="slope")
     right.legend()
     return picture
-
-
-def _lines(axes: Any, time: np.ndarray, values: np.ndarray) -> None:
-    shown = values[:, :MOST_LINES]
-    axes.plot(time, shown, label=[str(i) for i in range(shown.shape[1])])
-    if shown.shape[1] > 1:
-        axes.legend(ncols=6, fontsize="small")

@@ -6,7 +6,7 @@ import imageio.v3 as imageio
 import numpy as np
 import pytest
 
-from jaxsim.viz.curves import plot_learning
+from jaxsim.viz.plots.learning import plot_learning
 from jaxsim.viz.video import write_video
 
 ROWS = [

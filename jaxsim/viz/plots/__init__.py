@@ -1,0 +1,1 @@
+"""Plots: of trajectories, of plans, of fits and of learning."""
