@@ -22,7 +22,14 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.task not in TASKS:
         raise UsageError(f"there is no task {arguments.task!r}; there are {', '.join(TASKS)}")
     prepare_cpu()
-    task, start = TASKS[arguments.task], time.perf_counter()
+    task = TASKS[arguments.task]
+    with jax.enable_x64(task.double):
+        return _solved(arguments, task)
+
+
+def _solved(arguments: argparse.Namespace, task: Task) -> int:
+    """Plan, report and film; 1 if the goal was not reached."""
+    start = time.perf_counter()
     problem = task.make()
     key = jax.random.key(arguments.seed)
     plan = solve(problem, task.method, key=key, starts=task.starts, progress=True)

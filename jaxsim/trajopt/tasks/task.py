@@ -24,6 +24,7 @@ class Task:
       miss: `(model, last state)` to the distance from the goal (m or rad).
       goal: the distance that counts as solved.
       starts: first guesses that are followed at once; the cheapest plan counts.
+      double: whether it needs numbers of double precision.
     """
 
     about: str
@@ -32,6 +33,7 @@ class Task:
     miss: Callable[[Model, State], Float[Array, ""]]
     goal: float
     starts: int = 4
+    double: bool = False
 
     def distance(self, problem: Problem, plan: Plan) -> float:
         """How far from the goal a plan ends."""
