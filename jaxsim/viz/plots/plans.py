@@ -4,7 +4,6 @@ import pathlib
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 
@@ -78,6 +77,7 @@ def _panels(problem: Any, plan: Any) -> tuple[dict[str, tuple[Any, Any]], str]:
     _check(problem, plan)
     model, steps = _model_of(problem), np.arange(problem.horizon + 1)
     ctrls = np.asarray(plan.ctrls)
+    panels: dict[str, tuple[Any, Any]]
     if model is None:
         time, unit = steps, "step"
         panels = {"state": (time, np.asarray(jax.vmap(lambda x: ravel_pytree(x)[0])(plan.states)))}
@@ -94,7 +94,7 @@ def _panels(problem: Any, plan: Any) -> tuple[dict[str, tuple[Any, Any]], str]:
     if problem.complementarity is not None:
         after = jax.tree.map(lambda x: x[1:], plan.states)
         a, b = jax.vmap(problem.complementarity)(_before(plan), plan.ctrls, after)
-        panels[_PRODUCTS] = time[1:], jnp.abs(a * b).max(axis=1)
+        panels[_PRODUCTS] = time[1:], np.abs(a * b).max(axis=1)
     return panels, unit
 
 
