@@ -9,8 +9,8 @@ from jax import lax
 from jaxtyping import Array, Float, Int
 
 from jaxsim.trajopt.plan import Iterate
-from jaxsim.trajopt.problem import Problem
-from jaxsim.trajopt.solving import Method, guess
+from jaxsim.trajopt.problem import Problem, ProblemError
+from jaxsim.trajopt.solving import Method, check_method, guess
 from jaxsim.trajopt.space import stack
 
 
@@ -71,11 +71,16 @@ def mpc(
       key: as in `solve`.
       iterations: of the optimiser for each control.
       first_iterations: of the optimiser before the first control.
-      plant: `(x, u)` to the next state, where that is not the problem's own model.
+      plant: `(x, u)` to the next state, where that is not the problem's own model; u are the
+        problem's controls, contact forces included where they are unknowns.
 
     Raises:
-      ProblemError: the guess has the wrong shape.
+      ProblemError: the guess has the wrong shape, there are no steps or iterations, or the method
+        does not know what the problem has.
     """
+    check_method(problem, method)
+    if steps < 1 or iterations < 1:
+        raise ProblemError(f"steps and iterations must be at least 1, got {steps} and {iterations}")
     plant = problem.step if plant is None else plant
     ctrls, key = guess(problem, ctrls, key)
     first = iterations if first_iterations is None else first_iterations

@@ -69,14 +69,19 @@ def solve(
       ProblemError: a guess has the wrong shape, the method has no iterations or does not know
         limits on states, or there is a guess and several starts.
     """
+    check_method(problem, method)
     if method.iterations < 1:
         raise ProblemError(f"iterations must be at least 1, got {method.iterations}")
+    run = _watched if progress else _compiled
+    return run(problem, method, *_guesses(problem, ctrls, key, starts))
+
+
+def check_method(problem: Problem, method: Method) -> None:
+    """An error if the method does not know what the problem has."""
     if problem.state_limits is not None and not isinstance(method, AugmentedLagrangian):
         raise ProblemError("the problem has state_limits; use AugmentedLagrangian(method)")
     if problem.complementarity is not None and not isinstance(method, Direct):
         raise ProblemError("the problem has complementarity; use Direct()")
-    run = _watched if progress else _compiled
-    return run(problem, method, *_guesses(problem, ctrls, key, starts))
 
 
 def _guesses(problem: Problem, ctrls: Any, key: jax.Array | None, starts: int):
@@ -161,8 +166,10 @@ def _each(f: Callable) -> Callable:
 
 
 def _cheapest(plans: Plan) -> Plan:
-    """The one of least cost among plans of several starts."""
-    best = jnp.argmin(jnp.where(jnp.isnan(plans.cost), jnp.inf, plans.cost))
+    """The one of least cost among plans of several starts; those that keep constraints first."""
+    cost = jnp.where(jnp.isnan(plans.cost), jnp.inf, plans.cost)
+    kept = (plans.status == PlanStatus.CONVERGED) | (plans.defect == 0)
+    best = jnp.lexsort((cost, ~(kept & jnp.isfinite(cost))))[0]
     return jax.tree.map(lambda x: x[best], plans)
 
 

@@ -106,13 +106,18 @@ def test_models_find_contacts_with_rigid_forces(x64, problem, coordinates, goal)
     @quick_jit
     def solved(w):
         plan = trajopt.solve(forced, trajopt.Direct(), w)
-        return plan, forced.rollout(plan.ctrls)[0].qpos
+        before = jax.tree.map(lambda x: x[:-1], plan.states)
+        normal = jax.vmap(forced.normal_forces)(before, plan.ctrls)
+        return plan, forced.rollout(plan.ctrls)[0].qpos, normal
 
-    plan, replay = solved(jnp.zeros((forced.horizon, forced.low.size)))
+    plan, replay, normal = solved(jnp.zeros((forced.horizon, forced.low.size)))
     assert plan.status == trajopt.PlanStatus.CONVERGED
     assert plan.defect <= 1e-6
     np.testing.assert_allclose(plan.states.qpos[-1, coordinates], goal, atol=0.02)
     np.testing.assert_allclose(replay, plan.states.qpos, atol=1e-5)
+    assert normal.shape == (forced.horizon, 1)
+    assert normal.min() > -1e-6
+    assert normal.max() > 0.1
 
 
 @pytest.mark.parametrize(
@@ -139,6 +144,10 @@ def test_what_does_not_fit_is_an_error():
     problem = bulldozer(jnp.array(0.1))
     with pytest.raises(trajopt.ProblemError, match="use Direct"):
         trajopt.solve(problem, trajopt.ILQR())
+    with pytest.raises(trajopt.ProblemError, match="use Direct"):
+        trajopt.mpc(problem, trajopt.ILQR(), 3)
+    with pytest.raises(trajopt.ProblemError, match="at least 1, got 0 and 1"):
+        trajopt.mpc(problem, trajopt.Direct(), 0)
     with pytest.raises(trajopt.ProblemError, match=r"states must have shape \(9, 2\)"):
         trajopt.solve(problem, trajopt.Direct(states=jnp.zeros((3, 2))))
     with pytest.raises(trajopt.ProblemError, match="needs a jaxsim.Model"):
