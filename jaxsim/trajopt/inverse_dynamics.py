@@ -42,6 +42,8 @@ _SHARPEN, _SHARP = 0.5, 0.05
 _GOOD_ENOUGH, _FEASIBLE = 1e-3, 1e-2
 # A replay that costs at most so much more, in units of the tolerance, is taken for the plan.
 _CLOSE = 10
+# Blur and penalty that a plan begins with when it is made anew: contacts that slipped are felt.
+_BLUR_AGAIN, _PENALTY_AGAIN = 0.3, 1e3
 # Largest penalties with and without blur, and the first one without.
 _PENALTIES = 1e4, 1e6
 _SHARP_PENALTY = 1e2
@@ -121,9 +123,16 @@ class InverseDynamics:
         return self._judged(problem, now, memory.replace(path=path, damping=damping), c, fall)
 
     def shift(self, now: Iterate) -> Iterate:
-        """One step later, for a state that was measured anew."""
+        """One step later, for a state that was measured anew; contacts are blurred again."""
         path, multipliers = shifted(now.memory.path), now.memory.multipliers.shifted()
-        memory = now.memory.replace(path=path, multipliers=multipliers)
+        number = lambda x: jnp.asarray(x, now.ctrls.dtype)  # noqa: E731
+        memory = now.memory.replace(
+            path=path,
+            multipliers=multipliers.replace(penalty=number(_PENALTY_AGAIN)),
+            damping=jnp.minimum(now.memory.damping, 1),
+            blur=number(_BLUR_AGAIN if self.reach else 0.0),
+            defect=number(jnp.inf),
+        )
         return now.replace(ctrls=shifted(now.ctrls), states=shifted(now.states), memory=memory)
 
     def _judged(self, problem: Problem, now: Iterate, memory: _Memory, c, fall) -> Iterate:

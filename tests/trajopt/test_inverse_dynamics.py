@@ -144,3 +144,29 @@ def test_a_finger_pushes_a_box_to_a_pose(x64, goal):
     plan = solved(problem, trajopt.InverseDynamics(reach=0.02))
     check(problem, plan)
     np.testing.assert_allclose(plan.states.qpos[-1, :3], goal, atol=0.05)
+
+
+@pytest.mark.slow
+def test_a_finger_pushes_another_box_than_it_knows_by_planning_anew(x64):
+    """It is heavier, more slippery and brakes more: the plan alone ends 10 cm too early."""
+    goal = jnp.array([0.3, 0.1, 0.3])
+    problem = scenes.push(scenes.load(scenes.PUSHER, "sap", 500), goal)
+    model, heavier = problem.space.model, jnp.array([1, 1.3, 1])
+    plant = model.replace(
+        geom_friction=0.7 * model.geom_friction,
+        dof_damping=1.5 * model.dof_damping,
+        body_mass=heavier * model.body_mass,
+        body_inertia=heavier[:, None] * model.body_inertia,
+    )
+    track = quick_jit(
+        lambda u: trajopt.mpc(
+            problem,
+            trajopt.InverseDynamics(reach=0.02),
+            80,
+            u,
+            first_iterations=160,
+            iterations=2,
+            plant=lambda x, u: jaxsim.step(plant, x, u),
+        )
+    )(jnp.zeros((problem.horizon, 2)))
+    np.testing.assert_allclose(track.states.qpos[-20:, :3], np.tile(goal, (20, 1)), atol=0.05)
