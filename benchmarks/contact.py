@@ -2,10 +2,12 @@
 
 A mass slides to rest, slides down a slope, and is pushed below the limit of friction. Its errors
 are those of each law in float64 for a short and a long time step. Steps per second are those of
-balls in a box, a grasp and the humanoid in float32, of whole batches on one thread.
+balls in a box, a grasp, the humanoid and a heap of forty spheres and boxes in float32, of whole
+batches on one thread; for the heap also those of Drake, where it is installed.
 """
 
 import argparse
+import importlib.util
 from collections.abc import Callable
 
 import common
@@ -21,22 +23,23 @@ MASS = f"""<mujoco><option gravity="0 0 -{G}" cone="elliptic"/><worldbody>
   <actuator><motor joint="x"/></actuator></mujoco>"""
 
 _BALL = '<body pos="{} {} {}"><freejoint/><geom size=".1" mass="{}"/></body>'
+_BOX = '<body pos="{} {} {}"><freejoint/><geom type="box" size=".1 .08 .06" mass="{}"/></body>'
 _WALL = '<geom type="plane" size="0 0 1" pos="{0} {1} 0" zaxis="{2} {3} .3"/>'
 _PAD = """<body pos="{0} 0 0"><joint name="{1}" type="slide" axis="{2} 0 0"/>
   <geom type="box" size=".01 .02 .02" mass=".1" contype="2" conaffinity="1"/></body>"""
 
 
-def balls(count: int) -> str:
-    """Balls that fall onto each other between four tilted walls."""
+def heap(count: int, bodies: tuple[str, ...], side: float, rise: float) -> str:
+    """Bodies that fall onto each other between four tilted walls, in turn of these kinds."""
     rng = np.random.default_rng(0)
     places = rng.uniform(-0.25, 0.25, (count, 3))
-    places[:, 2] += 0.75 + 0.21 * np.arange(count)
+    places[:, 2] += 0.75 + rise * np.arange(count)
     numbers = np.column_stack([places, rng.uniform(1, 3, count)])
-    bodies = "".join(_BALL.format(*row) for row in numbers)
+    fallen = "".join(bodies[i % len(bodies)].format(*row) for i, row in enumerate(numbers))
     sides = (1, 0), (-1, 0), (0, 1), (0, -1)
-    walls = "".join(_WALL.format(-0.4 * x, -0.4 * y, x, y) for x, y in sides)
+    walls = "".join(_WALL.format(-side * x, -side * y, x, y) for x, y in sides)
     return f"""<mujoco><option timestep=".004" cone="elliptic"/><worldbody>
-      <geom type="plane" size="0 0 1"/>{walls}{bodies}</worldbody></mujoco>"""
+      <geom type="plane" size="0 0 1"/>{walls}{fallen}</worldbody></mujoco>"""
 
 
 def grasp() -> str:
@@ -50,10 +53,16 @@ def grasp() -> str:
 
 
 SCENES: dict[str, Callable[[], object]] = {
-    "balls": lambda: balls(4),
+    "balls": lambda: heap(4, (_BALL,), 0.4, 0.21),
+    "clutter": lambda: heap(40, (_BALL, _BOX), 0.4, 0.12),
     "grasp": grasp,
     "humanoid": lambda: "humanoid",
 }
+
+
+# Environments, where they are not as many as the option says, and seconds before they are timed.
+BATCHES, SECONDS = {"clutter": 4}, {"clutter": 2.0}
+DRAKE_STEPS = 50
 
 
 def main(arguments=None) -> None:
@@ -148,16 +157,17 @@ def _rates(name: str, options) -> list[dict]:
 
     mj = compile_mujoco(SCENES[name]())
     mj.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
-    states = _begun(mj, options.batch)
+    states = _begun(mj, BATCHES.get(name, options.batch), SECONDS.get(name, 0.5))
     made = {law: _ours(mj, law, states) for law in options.laws}
-    timings = common.interleave(
-        {law: run for law, (run, *_) in made.items()} | {"MuJoCo C": _c(mj, states)},
-        options.repetitions,
-        clock=options.clock,
-    )
-    rates = {law: options.batch / timing.median for law, timing in timings.items()}
+    runs = {law: run for law, (run, *_) in made.items()} | {"MuJoCo C": _c(mj, states)}
+    counts = dict.fromkeys(runs, len(states[0]))
+    if name == "clutter" and importlib.util.find_spec("pydrake"):
+        runs["Drake"] = _drake(mj, *(x[0] for x in states[:2]))
+        counts["Drake"] = DRAKE_STEPS
+    timings = common.interleave(runs, options.repetitions, clock=options.clock)
+    rates = {law: counts[law] / timing.median for law, timing in timings.items()}
     rows = [{"scene": name, "law": law, "steps/s": rate} for law, rate in rates.items()]
-    for row in rows[:-1]:
+    for row in rows[: len(made)]:
         _, seconds, status = made[row["law"]]
         row |= {
             "to MuJoCo C": row["steps/s"] / rates["MuJoCo C"],
@@ -170,14 +180,14 @@ def _rates(name: str, options) -> list[dict]:
     return rows
 
 
-def _begun(mj, batch: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions, velocities and controls after half a second, with a little noise at the start."""
+def _begun(mj, batch: int, seconds: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions, velocities and controls after some time, with a little noise at the start."""
     rng, found = np.random.default_rng(0), []
     for _ in range(batch):
         data = mujoco.MjData(mj)
         data.qvel[:] = 0.01 * rng.normal(size=mj.nv)
         data.ctrl[:] = 1.0 if mj.nu == 2 else rng.uniform(-0.3, 0.3, mj.nu)
-        for _ in range(round(0.5 / mj.opt.timestep)):
+        for _ in range(round(seconds / mj.opt.timestep)):
             mujoco.mj_step(mj, data)
         found.append((data.qpos.copy(), data.qvel.copy(), data.ctrl.copy()))
     return tuple(np.stack(x) for x in zip(*found, strict=True))
@@ -210,6 +220,62 @@ def _c(mj, states) -> Callable:
             mujoco.mj_step(mj, data)
 
     return run
+
+
+def _drake(mj, qpos, qvel) -> Callable:
+    """Steps of free spheres and boxes between planes by Drake, one environment, contact `sap`."""
+    from pydrake import geometry, math
+    from pydrake.multibody import math as velocities
+    from pydrake.multibody import plant, tree
+    from pydrake.systems.analysis import Simulator
+    from pydrake.systems.framework import DiagramBuilder
+
+    builder, h = DiagramBuilder(), mj.opt.timestep
+    system, _ = plant.AddMultibodyPlantSceneGraph(builder, h)
+    system.set_discrete_contact_approximation(plant.DiscreteContactApproximation.kSap)
+    bodies = [system.world_body()]
+    for i in range(1, mj.nbody):
+        about = tree.UnitInertia(*(mj.body_inertia[i] / mj.body_mass[i]))
+        inertia = tree.SpatialInertia(mj.body_mass[i], np.zeros(3), about)
+        bodies.append(system.AddRigidBody(f"body{i}", inertia))
+    for i in range(mj.ngeom):
+        properties = geometry.ProximityProperties()
+        friction = plant.CoulombFriction(*[mj.geom_friction[i, 0]] * 2)
+        geometry.AddContactMaterial(
+            dissipation=0.0, point_stiffness=2e6, friction=friction, properties=properties
+        )
+        properties.AddProperty("material", "relaxation_time", h / 2)
+        shape = {
+            mujoco.mjtGeom.mjGEOM_PLANE: geometry.HalfSpace,
+            mujoco.mjtGeom.mjGEOM_SPHERE: lambda r, *_: geometry.Sphere(r),
+            mujoco.mjtGeom.mjGEOM_BOX: lambda *half: geometry.Box(*(2 * np.array(half))),
+        }[mujoco.mjtGeom(mj.geom_type[i])]
+        made = shape() if shape is geometry.HalfSpace else shape(*mj.geom_size[i])
+        turn = math.RotationMatrix(_matrix(mj.geom_quat[i]))
+        pose = math.RigidTransform(turn, mj.geom_pos[i])
+        owner = bodies[mj.geom_bodyid[i]]
+        system.RegisterCollisionGeometry(owner, pose, made, f"geom{i}", properties)
+    system.Finalize()
+    diagram = builder.Build()
+    whole = diagram.CreateDefaultContext()
+    context = system.GetMyMutableContextFromRoot(whole)
+    for body, q, v in zip(bodies[1:], qpos.reshape(-1, 7), qvel.reshape(-1, 6), strict=True):
+        turn = math.RotationMatrix(_matrix(q[3:]))
+        system.SetFreeBodyPose(context, body, math.RigidTransform(turn, q[:3]))
+        spin = velocities.SpatialVelocity(turn.matrix() @ v[3:], v[:3])
+        system.SetFreeBodySpatialVelocity(body, spin, context)
+
+    def run():
+        start = whole.Clone()
+        Simulator(diagram, start).AdvanceTo(DRAKE_STEPS * h)
+
+    return run
+
+
+def _matrix(quat) -> np.ndarray:
+    found = np.zeros(9)
+    mujoco.mju_quat2Mat(found, quat)
+    return found.reshape(3, 3)
 
 
 if __name__ == "__main__":
