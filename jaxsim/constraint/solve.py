@@ -18,7 +18,7 @@ from jaxsim.constraint.contact import contact_blocks, contact_forces
 from jaxsim.constraint.entry import entry_acceleration
 from jaxsim.constraint.equality import equality_blocks
 from jaxsim.constraint.friction import friction_blocks
-from jaxsim.constraint.impact import at_targets, impact, impact_displacement
+from jaxsim.constraint.impact import at_targets, correction, impact, impact_displacement
 from jaxsim.constraint.laws import ON_VELOCITIES, RIGID, Blur, check_law
 from jaxsim.constraint.limit import limit_blocks
 from jaxsim.constraint.noslip import PASSES, without_slip
@@ -36,6 +36,9 @@ _CONSTRAINT_OFF = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
 _CONTACT_OFF = mujoco.mjtDisableBit.mjDSBL_CONTACT
 _EULERDAMP = mujoco.mjtDisableBit.mjDSBL_EULERDAMP
 _WARMSTART_OFF = mujoco.mjtDisableBit.mjDSBL_WARMSTART
+
+# The part of its gradient that a pass for rigid rows may leave.
+_REDUCTION = 1e-4
 
 # Parts of a solution whose derivatives `Model.backward` changes.
 _RESULTS = ("qacc", "qfrc_constraint", "contact_force", "forces")
@@ -135,7 +138,7 @@ def _solved(
     y = attach_lifted(found.x, problem, operator, force)
     forces, status = problem.forces(operator.rows(y)), found.status
     if model.opt.noslip_iterations:
-        minimiser = functools.partial(_minimiser, model, operator, tolerance=0.0)
+        minimiser = functools.partial(_minimiser, model, operator, for_passes=True)
         y, forces, found = without_slip(blocks, operator, force, y, minimiser)
         status = found.status_after(status)
     found = _outcome(motion, contact, blocks, operator, y, forces, status)
@@ -195,7 +198,7 @@ def _rigid(
         problem,
         operator,
         rigid,
-        _minimiser(model, operator, force, tolerance=0.0),
+        _minimiser(model, operator, force, for_passes=True),
         operator.vector(free) if guess is None else guess,
         first_shifts(problem, rigid),
         passes=PASSES,
@@ -206,6 +209,8 @@ def _rigid(
     if not impacts:
         return outcome
     moved = impact_displacement(h, impacts, forces, operator)
+    held = [i for i in rigid if blocks[i].approach is None]
+    moved = moved + correction(impacts, held, problem.blocks, forces, operator)
     return outcome.replace(displacement=from_compound_order(model, moved))
 
 
@@ -226,20 +231,23 @@ def _minimiser(
     model: Model,
     operator: TreeOperator,
     force: Float[Array, "nv"],
-    tolerance: float | Float[Array, ""] | None = None,
+    for_passes: bool = False,
 ):
     """A function from a problem and an initial guess (or None) to its `Solution`.
 
-    Passes need what rounding allows, a tolerance of zero; without one it is the model's.
+    Each pass begins where the last has ended. It need not be more accurate than the next one will
+    be, and the last ones have to be as accurate as rounding allows.
     """
     minimise = functools.partial(
         solve,
         force=force,
         iterations=model.opt.iterations,
         ls_iterations=model.opt.ls_iterations,
-        tolerance=model.opt.tolerance if tolerance is None else tolerance,
+        tolerance=0.0 if for_passes else model.opt.tolerance,
         ls_tolerance=model.opt.ls_tolerance,
         scale=1 / (model.stat.meaninertia * max(1, model.nv)),
+        compare=not for_passes,
+        reduction=_REDUCTION if for_passes else 0.0,
     )
 
     def minimised(problem: Problem, guess: Float[Array, "nv"] | None) -> Solution:

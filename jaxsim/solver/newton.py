@@ -94,6 +94,7 @@ class _Search(NamedTuple):
     tolerance: Float[Array, ""]
     ls_tolerance: Float[Array, ""]
     scale: Float[Array, ""]
+    enough: Float[Array, ""] | None = None  # gradient at which a solve ends without another step
 
 
 def solve(
@@ -107,6 +108,8 @@ def solve(
     tolerance: float | Float[Array, ""],
     ls_tolerance: float | Float[Array, ""],
     scale: float | Float[Array, ""],
+    compare: bool = True,
+    reduction: float = 0.0,
 ) -> Solution:
     """Minimise `1/2 x^T M x - force^T x + s(J x - aref)` over x.
 
@@ -118,14 +121,17 @@ def solve(
         problem: The blocks of constraint rows.
         operator: Mass matrix and Jacobian.
         force: Generalised forces other than constraint forces.
-        x_start: Initial guess, used unless the unconstrained point costs less. It is replaced by
-            zeros if it is not finite, and by the unconstrained point if it is None.
+        x_start: Initial guess; zeros take its place if it is not finite, the unconstrained point if
+            it is None.
         iterations: Largest number of Newton steps; if zero, the result is x_start.
         ls_iterations: Largest number of slopes in a line search, including that at its start.
         tolerance: Bound on the scaled improvement and on the scaled gradient norm.
         ls_tolerance: Line searches stop at a slope of `tolerance * ls_tolerance * |s| / scale`.
         scale: Factor that makes costs and gradients dimensionless: the inverse of the trace of M,
             or of its estimate `meaninertia * max(1, nv)`.
+        compare: Whether to begin from the unconstrained point where that costs less than x_start.
+        reduction: The loop also ends, not converged, where the gradient is this part of what it was
+            at the start.
 
     Returns:
         The minimiser and the status of the solve.
@@ -134,7 +140,10 @@ def solve(
     held = (problem, operator, force, x_start, numbers)
     problem, operator, force, x_start, numbers = lax.stop_gradient(held)
     search = _Search(problem, operator, force, ls_iterations, *numbers)
-    state = _run(search, _start(search, x_start, iterations), iterations)
+    start = _start(search, x_start, compare and iterations > 0)
+    if reduction:
+        search = search._replace(enough=reduction * _norm(_residual(search, start)))
+    state = _run(search, start, iterations)
     status = SolverStatus(
         iterations=state.count,
         residual=_norm(_residual(search, state.y)),
@@ -147,12 +156,12 @@ def solve(
     return Solution(x=operator.vector(state.y), status=status)
 
 
-def _start(search: _Search, x: Float[Array, "nv"] | None, iterations: int) -> Lifted:
+def _start(search: _Search, x: Float[Array, "nv"] | None, compare: bool) -> Lifted:
     operator = search.operator
     if x is None:
         return operator.unconstrained(search.force)
     given = operator.lift(jnp.where(jnp.all(jnp.isfinite(x)), x, 0.0))
-    if iterations == 0:
+    if not compare:
         return given
     smooth = operator.unconstrained(search.force)
     both = jax.tree.map(lambda a, b: jnp.stack([a, b]), given, smooth)
@@ -200,14 +209,18 @@ def _step(search: _Search, state: _Iterate) -> _Iterate:
     # A step promises half the slope. If that is rounding, a failed line search is convergence.
     stuck = ~moved & (promise <= line.cost_rounding)
     converged = over | small | stuck | ends
+    y = _where(moved, y, state.y)
+    done = ~moved | converged
+    if search.enough is not None:
+        done = done | (_norm(_residual(search, y)) <= search.enough)
     return _Iterate(
-        y=_where(moved, y, state.y),
+        y=y,
         gradient=gradient,
         improvement=jnp.where(moved, improvement, state.improvement),
         exhausted=jnp.maximum(improvement, state.improvement) <= line.cost_rounding,
         count=state.count + moved,
         finite=finite,
-        done=~moved | converged,
+        done=done,
         converged=converged,
         linear=state.linear.then(linear),
     )

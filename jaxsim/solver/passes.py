@@ -40,7 +40,10 @@ from jaxsim.solver.operator import Lifted, Operator, Rows
 from jaxsim.solver.problem import Kind, Problem
 
 Minimise = Callable[[Problem, Float[Array, "nv"]], Solution]
-"""From a problem and an initial guess to its solution: `newton.solve` with the other arguments."""
+"""From a problem and an initial guess to its solution: `newton.solve` with the other arguments.
+
+It may stop early, not converged, with a `reduction`: the next pass goes on from there.
+"""
 
 Shifts = tuple[Array, ...]
 """`sqrt(D) (R f - s n)` of each rigid block, in the shape of its `aref`."""
@@ -171,7 +174,9 @@ def solve_rigid(
         stalled = (
             (last.passes > 0) & (residual >= last.residual) & (residual < _ROUNDING * tolerance)
         )
-        passes, done = last.passes + 1, (residual <= tolerance) | stalled
+        # What a pass has left of its gradient, the next one reduces again.
+        exact = found.status.converged | (last.passes > 0) & (last.residual <= tolerance)
+        passes, done = last.passes + 1, ((residual <= tolerance) | stalled) & exact
         return RigidSolution(found.x, after, status, passes, residual, done), memory, u
 
     def unfinished(state):

@@ -33,7 +33,7 @@ def test_slides_sticks_and_bounces_as_the_laws_say():
         assert status.passes.max() < 20
         assert status.rigid_residual.max() < 1e-9
     for mu in FRICTIONS:
-        for angle in np.radians(ANGLES):
+        for angle in (*np.radians(ANGLES), *(np.arctan(mu) + np.radians([-0.1, 0.1]))):
             gravity = 10 * np.sin(angle), 0, -10 * np.cos(angle)
             _, qvel, _ = repeated(step, 2, [0, 0], [0, 0], model=friction(mu, gravity))
             slides = 10 * (np.sin(angle) - mu * np.cos(angle)) * 2 * TIMESTEP

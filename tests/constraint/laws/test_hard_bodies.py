@@ -91,7 +91,7 @@ BOX = """<mujoco><option timestep="{}"/><worldbody>
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("h", [0.05, 0.01, 0.005])
+@pytest.mark.parametrize("h", [0.1, 0.05, 0.01, 0.005])
 def test_a_box_that_is_thrown_comes_to_rest_on_the_ground(h):
     model = jaxsim.load(BOX.format(h), contact="hard")
     state = jaxsim.make_state(model)
@@ -124,3 +124,38 @@ def test_a_grasp_does_not_creep():
     # Less than 0.01 micrometres per second.
     assert np.abs(path.qpos[-1, 4] - path.qpos[249, 4]) / 0.5 < 1e-8
     assert np.abs(path.qvel[-1]).max() < 1e-8
+
+
+BODIES = """<mujoco><option timestep=".01"><flag contact="{}"/></option>
+  <default><geom friction=".6" margin=".02"/></default><worldbody>
+  <geom type="plane" size="0 0 1"/>
+  <body pos="0 0 .1"><freejoint/><geom size=".1" mass=".2"/></body>
+  <body pos=".2 0 .1"><freejoint/><geom type="box" size=".1 .08 .12" mass="1"/></body>
+  <body pos="0 .2 .1"><freejoint/><geom type="capsule" size=".06 .1" mass="3"/></body>
+  </worldbody></mujoco>"""
+
+
+@pytest.mark.slow
+def test_contact_never_creates_kinetic_energy(rng):
+    """Bodies that are thrown together, some into each other: no more than in a step without it."""
+    models = [jaxsim.load(BODIES.format(flag), contact="hard") for flag in ("enable", "disable")]
+    start, count = jaxsim.make_state(models[0]), 300
+    qpos = np.tile(start.qpos, (count, 1)).reshape(count, 3, 7)
+    qpos[:, :, :3] += rng.normal(0, 0.02, (count, 3, 3))
+    qpos[:, :, 3:] = rng.normal(size=(count, 3, 4))
+    qpos[:, :, 3:] /= np.linalg.norm(qpos[:, :, 3:], axis=2, keepdims=True)
+    qvel = rng.normal(size=(count, 18))
+
+    def both(qpos, qvel):
+        state = start.replace(qpos=qpos, qvel=qvel)
+        (after, status), (free, _) = (jaxsim.step_with_status(model, state) for model in models)
+        return after.qvel, free.qvel, status.converged
+
+    after, free, converged = quick_jit(jax.vmap(both))(qpos.reshape(count, -1), qvel)
+    inertia = np.concatenate(
+        [np.repeat(models[0].body_mass[1:, None], 3, 1), models[0].body_inertia[1:]], axis=1
+    ).ravel()
+    energy, without = (0.5 * np.sum(inertia * np.asarray(v) ** 2, axis=1) for v in (after, free))
+    assert converged.mean() > 0.95
+    assert (energy < 0.99 * without).mean() > 0.5, "they do not meet"
+    assert (energy <= without * (1 + 1e-10))[converged].all()
