@@ -170,3 +170,22 @@ def test_a_finger_pushes_another_box_than_it_knows_by_planning_anew(x64):
         )
     )(jnp.zeros((problem.horizon, 2)))
     np.testing.assert_allclose(track.states.qpos[-20:, :3], np.tile(goal, (20, 1)), atol=0.05)
+
+
+@pytest.mark.slow
+def test_an_arm_rolls_a_ball(x64):
+    """With blurred contacts the hand finds the ball; iLQR goes on with the law itself."""
+    problem, path = scenes.roller()
+
+    @quick_jit
+    def plans(ctrls):
+        touching = trajopt.InverseDynamics(reach=0.01, path=path, iterations=84)
+        found = trajopt.solve(problem, touching, ctrls)
+        return found, trajopt.solve(problem, trajopt.ILQR(states=found.states), found.ctrls)
+
+    _, plan = plans(jnp.zeros((problem.horizon, 7)))
+    check(problem, plan)
+    start, end = (plan.states.qpos[i, 7:] for i in (0, -1))
+    np.testing.assert_allclose(end[:2] - start[:2], [scenes.ROLL, 0], atol=0.02)
+    turned = 2 * np.arctan2(end[5], end[3])
+    np.testing.assert_allclose(turned, scenes.ROLL / scenes.RADIUS, atol=0.4)
