@@ -176,7 +176,8 @@ def solve_rigid(
         )
         # What a pass has left of its gradient, the next one reduces again.
         exact = found.status.converged | (last.passes > 0) & (last.residual <= tolerance)
-        passes, done = last.passes + 1, ((residual <= tolerance) | stalled) & exact
+        done = (residual <= tolerance) & exact | stalled & found.status.converged
+        passes = last.passes + 1
         return RigidSolution(found.x, after, status, passes, residual, done), memory, u
 
     def unfinished(state):
