@@ -24,18 +24,22 @@ them a speed. Depths of several contacts of a body seldom fit together: as veloc
 jam what friction holds, and they would throw bodies into the air.
 """
 
+import functools
 from collections.abc import Sequence
 from typing import Any
 
 import jax.numpy as jnp
 from flax import struct
+from jax import lax
 from jaxtyping import Array, Float
 
-from jaxsim.solver import Kind, Operator, solve_hessian
+from jaxsim.solver import Kind, Operator
 from jaxsim.solver.operator import Rows
 
 # The part by which penetration is reduced in a step.
 _CORRECTION = 0.1
+# Depths below it are none (m).
+_NOTHING = 1e-15
 # An impulse is that of one contact if it is less than this many times what a mean inertia needs.
 _ALONE = 2.0
 
@@ -133,29 +137,37 @@ def impact_displacement(
 
 def correction(
     contacts: Sequence[tuple[int, Approach, Impact]],
-    held: Sequence[int],
     kinds: Sequence[Kind],
     forces: Rows,
     operator: Operator,
 ) -> Float[Array, "nv"]:
-    """The displacement d that takes away a tenth of the penetration.
+    """The displacement d that takes away about a tenth of the penetration.
 
-    It minimises `d^T M d + sum D (J d - c)^2` over the normals of contacts that penetrate by -10 c,
-    and of those that press, with c = 0, and over the other rigid rows.
+    It is the best multiple of `M^-1 J^T (c / w)`, with c a tenth of the depths and w the inverse
+    inertias of the contacts: it minimises `sum (J d - c)^2 / w` over those that penetrate.
 
     Args:
       contacts: index of each block of contacts, its approach and its impacts.
-      held: indices of the other rigid blocks.
       kinds: cost of each block.
       forces: of the rows of all blocks.
       operator: mass matrix and Jacobian.
     """
-    weights, pushes = ([jnp.zeros_like(force) for force in forces] for _ in range(2))
-    for i in held:
-        weights[i] = jnp.broadcast_to(kinds[i].D, forces[i].shape)
-    for i, at, _ in contacts:
-        acts = (at.dist < 0) | (forces[i][:, 0] > 0)
-        D = jnp.where(acts, kinds[i].D[:, 0], 0.0)
-        weights[i] = weights[i].at[:, 0].set(D)
-        pushes[i] = pushes[i].at[:, 0].set(D * _CORRECTION * jnp.maximum(-at.dist, 0.0))
-    return solve_hessian(operator, tuple(weights), operator.pull(tuple(pushes)))
+    depths = [
+        _CORRECTION * jnp.where(kinds[i].D[:, 0] > 0, jnp.maximum(-at.dist, 0.0), 0.0)
+        for i, at, _ in contacts
+    ]
+    # In units of the largest, for squares of small numbers would vanish; it has no derivative.
+    size = lax.stop_gradient(functools.reduce(jnp.maximum, [jnp.max(c) for c in depths]))
+    size = jnp.where(size > _NOTHING, size, 1.0)
+    pushes = [jnp.zeros_like(force) for force in forces]
+    for (i, at, _), c in zip(contacts, depths, strict=True):
+        pushes[i] = pushes[i].at[:, 0].set(c / size / at.inverse_weight)
+    y = operator.unconstrained(operator.pull(tuple(pushes)))
+    promised = needed = jnp.zeros(())
+    for (i, at, _), c in zip(contacts, depths, strict=True):
+        moved = jnp.where(c > 0, operator.rows(y)[i][:, 0], 0.0)
+        promised = promised + jnp.sum(pushes[i][:, 0] * moved)
+        needed = needed + jnp.sum(moved * moved / at.inverse_weight)
+    some = needed > 0
+    best = jnp.where(some, promised / jnp.where(some, needed, 1.0), 0.0)
+    return best * size * operator.vector(y)

@@ -209,8 +209,7 @@ def _rigid(
     if not impacts:
         return outcome
     moved = impact_displacement(h, impacts, forces, operator)
-    held = [i for i in rigid if blocks[i].approach is None]
-    moved = moved + correction(impacts, held, problem.blocks, forces, operator)
+    moved = moved + correction(impacts, problem.blocks, forces, operator)
     return outcome.replace(displacement=from_compound_order(model, moved))
 
 
