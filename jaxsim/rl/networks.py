@@ -123,6 +123,16 @@ class TanhGaussian:
         return jnp.tanh(u), normal.log_prob(u) - jnp.sum(stretch, axis=-1)
 
 
+def divergence(p: Gaussian | TanhGaussian, q: Gaussian | TanhGaussian) -> Float[Array, "*batch"]:
+    """KL(p || q) in nats: sum_i log(s_q / s_p) + (s_p^2 + d^2) / (2 s_q^2) - 1/2.
+
+    d is the distance of the means, s a standard deviation. The tangent of both changes nothing.
+    """
+    variance_ratio = jnp.exp(2 * (p.log_std - q.log_std))
+    distance = jnp.square((p.mean - q.mean) * jnp.exp(-q.log_std))
+    return 0.5 * jnp.sum(variance_ratio + distance - 1 - jnp.log(variance_ratio), axis=-1)
+
+
 class GaussianPolicy(nn.Module):
     """A normal distribution whose deviation does not depend on the observation (PPO).
 

@@ -20,7 +20,7 @@ from jaxsim.envs import Env
 from jaxsim.parallel.devices import AXIS
 from jaxsim.rl.algorithm import Algorithm
 from jaxsim.rl.config import NetworkConfig, TrainConfig
-from jaxsim.rl.networks import Gaussian, GaussianPolicy, Policy, Value
+from jaxsim.rl.networks import Gaussian, GaussianPolicy, Policy, Value, divergence
 from jaxsim.rl.normalize import LIMIT, RunningStatistics, discounted_returns
 from jaxsim.rl.parts.collect import Actors, Experience, collect
 from jaxsim.rl.parts.descent import Adam, average, check_minibatches, keep_finite, minibatches
@@ -306,10 +306,3 @@ class PPO(Algorithm):
         factor = jnp.where(kl > 2 * self.config.target_kl, 1 / 1.5, 1.0)
         factor = jnp.where(kl < 0.5 * self.config.target_kl, 1.5, factor)
         return jnp.clip(rate * factor, 1e-5, 1e-2).astype(rate.dtype)
-
-
-def divergence(p: Gaussian, q: Gaussian) -> Float[Array, "*batch"]:
-    """KL(p || q) of independent normal distributions, in nats."""
-    variance_ratio = jnp.exp(2 * (p.log_std - q.log_std))
-    distance = jnp.square((p.mean - q.mean) * jnp.exp(-q.log_std))
-    return 0.5 * jnp.sum(variance_ratio + distance - 1 - jnp.log(variance_ratio), axis=-1)

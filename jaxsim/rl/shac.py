@@ -11,6 +11,10 @@ The paper's objective is the return of the first step, with a value at the horiz
 lambda-returns of all steps (as in Dreamer, Hafner et al. 2020) also has the values of the states
 between: a fall within the horizon would otherwise say nothing, because the reward of health is
 constant until it.
+
+Two things keep the policy from swinging once it walks: an epoch moves it by a small divergence at
+most (a trust region, Schulman et al. 2015), and what is evaluated, and returned in the end, is a
+running average of its parameters (Polyak & Juditsky 1992).
 """
 
 import dataclasses
@@ -27,7 +31,7 @@ from jaxsim.envs import Env
 from jaxsim.parallel.devices import AXIS
 from jaxsim.rl.algorithm import Algorithm
 from jaxsim.rl.config import NetworkConfig, TrainConfig
-from jaxsim.rl.networks import Policy, TanhGaussianPolicy, Value
+from jaxsim.rl.networks import Policy, TanhGaussianPolicy, Value, divergence
 from jaxsim.rl.normalize import RunningStatistics
 from jaxsim.rl.parts.collect import Actors, Experience, collect
 from jaxsim.rl.parts.descent import (
@@ -48,6 +52,9 @@ from jaxsim.rl.values import Average, Count, Fraction, NotNegative, Positive
 
 NETWORK = NetworkConfig(activation="elu")
 
+# Part of the present policy in one averaging step: the average is that of some 50 epochs.
+RECENT = 0.02
+
 
 @dataclasses.dataclass(frozen=True)
 class Config(TrainConfig):
@@ -63,6 +70,8 @@ class Config(TrainConfig):
       follow: rate of the target critic, the fraction of the critic in one averaging step.
       minibatches: gradient steps of the critic in one pass over the data of an epoch.
       passes: number of passes of the critic over the data of an epoch.
+      max_kl: an epoch's step is shortened where the new policy would be further than this from the
+        old one (nats, the mean over the states of the epoch).
       policy_rate: step size of Adam for the policy at the start; decreases to zero.
       value_rate: the same for the critic.
       momentum: Adam's averaging of gradients and of their squares, for both.
@@ -84,6 +93,7 @@ class Config(TrainConfig):
     follow: Fraction = 0.8
     minibatches: Count = 4
     passes: Count = 4
+    max_kl: Positive = 0.02
     policy_rate: Positive = 2e-3
     value_rate: Positive = 1e-3
     momentum: tuple[Average, Average] = (0.7, 0.95)
@@ -101,7 +111,8 @@ class Learner:
     """The learner of SHAC, the same on all devices.
 
     Attributes:
-      policy: parameters of the policy.
+      policy: parameters of the policy that acts.
+      mean_policy: their running average.
       value: parameters of the critic.
       target: parameters of the target critic.
       policy_optimizer: state of Adam.
@@ -112,6 +123,7 @@ class Learner:
     """
 
     policy: Any
+    mean_policy: Any
     value: Any
     target: Any
     policy_optimizer: optax.OptState
@@ -142,10 +154,11 @@ class SHAC(Algorithm):
         key, policy_key, value_key = jax.random.split(key, 3)
         obs = jnp.zeros(self.env.observation_size)
         policy, value = self.network.init(policy_key, obs), self.value.init(value_key, obs)
+        # Copies: what the compiled epoch may overwrite must not be one array twice.
         return Learner(
             policy=policy,
+            mean_policy=jax.tree.map(jnp.copy, policy),
             value=value,
-            # A copy: what the compiled epoch may overwrite must not be one array twice.
             target=jax.tree.map(jnp.copy, value),
             policy_optimizer=self.adam.init(policy),
             value_optimizer=self.adam.init(value),
@@ -159,8 +172,12 @@ class SHAC(Algorithm):
         return spread_episodes(super().start(learner, keys), keys, self.config.episode_steps)
 
     def policy(self, learner: Learner) -> Policy:
-        """The present policy."""
-        return Policy(learner.policy, self.statistics(learner), self.scale, self.network)
+        """The averaged policy, which is evaluated and returned."""
+        return self.with_params(learner, learner.mean_policy)
+
+    def with_params(self, learner: Learner, params) -> Policy:
+        """The policy with other parameters."""
+        return Policy(params, self.statistics(learner), self.scale, self.network)
 
     def epoch(self, learner: Learner, actors: Actors):
         """Improve the policy by a rollout, then the critic by its experience."""
@@ -173,7 +190,7 @@ class SHAC(Algorithm):
         gradient, objective = average((gradient, returns.mean()))
         norm = optax.tree.norm(gradient)
         rate = self.remaining(learner)
-        learner = self.improve(learner, gradient, rate * self.config.policy_rate)
+        learner = self.improve(learner, gradient, rate * self.config.policy_rate, seen.obs)
         rate = rate * self.config.value_rate
         learner, value_loss = self.fit(learner, seen.obs, returns, shuffle_key, rate)
         target = blend(learner.target, learner.value, self.config.follow)
@@ -183,7 +200,7 @@ class SHAC(Algorithm):
 
     def loss(self, params, learner: Learner, actors: Actors, key):
         """Minus the mean objective of the environments of this device, and their experience."""
-        policy = self.policy(learner.replace(policy=params))
+        policy = self.with_params(learner, params)
 
         def act(obs, key):
             action, log_prob = policy.distribution(obs).sample_and_log_prob(key)
@@ -215,11 +232,24 @@ class SHAC(Algorithm):
         values: Any = self.value.apply(learner.target, self.normalize(learner, obs))
         return values
 
-    def improve(self, learner: Learner, gradient, rate) -> Learner:
-        """One step of the policy."""
+    def improve(self, learner: Learner, gradient, rate, obs: Float[Array, "T n obs"]) -> Learner:
+        """One step of the policy, and of its average."""
         params, optimizer = self.adam.step(learner.policy, learner.policy_optimizer, gradient, rate)
-        improved = learner.replace(policy=params, policy_optimizer=optimizer)
-        return keep_finite(gradient, improved, learner)
+        params = blend(learner.policy, params, self.step_length(learner, params, obs))
+        mean = blend(learner.mean_policy, params, RECENT)
+        improved = learner.replace(policy=params, mean_policy=mean, policy_optimizer=optimizer)
+        return keep_finite((gradient, params), improved, learner)
+
+    def step_length(self, learner: Learner, params, obs) -> Float[Array, ""]:
+        """Part of the way to the new parameters at which the policy has moved by `max_kl` at most.
+
+        The divergence grows with the square of the way.
+        """
+        old, new = (
+            self.with_params(learner, p).distribution(obs) for p in (learner.policy, params)
+        )
+        (moved,) = average((divergence(old, new).mean(),))
+        return jnp.sqrt(self.config.max_kl / jnp.maximum(moved, self.config.max_kl))
 
     def fit(self, learner: Learner, obs: Float[Array, "T n obs"], targets, key, rate):
         """All gradient steps of the critic in an epoch; also returns their mean error."""

@@ -14,9 +14,9 @@ from jaxsim.rl.networks import (
     TanhGaussian,
     TanhGaussianPolicy,
     Value,
+    divergence,
 )
 from jaxsim.rl.normalize import RunningStatistics
-from jaxsim.rl.ppo import divergence
 
 
 def gaussian(mean, std):

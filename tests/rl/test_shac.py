@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from jaxsim import envs
+from jaxsim.parallel.devices import AXIS
 from jaxsim.rl import config, shac, train
 from jaxsim.rl.config import ConfigError
+from jaxsim.rl.networks import divergence
 from jaxsim.rl.shac import SHAC, lambda_returns
 
 TINY = {
@@ -91,12 +93,50 @@ def test_states_before_a_fall_are_judged():
     assert slope[2] == 0
 
 
-def test_poisoned_gradient_does_not_reach_the_policy(bits):
+OBS = jnp.linspace(-1, 1, 24)[:, None].reshape(6, 4, 1)
+
+
+@pytest.fixture
+def improved():
+    """Function from a gradient and a rate to the learner before and after the step."""
     trainer, learner, _ = build(envs.make("fast"))
-    gradient = jax.tree.map(jnp.ones_like, learner.policy)
-    assert bits(trainer.improve(learner, gradient, 0.1)) != bits(learner)
+    improve = jax.vmap(lambda g, r: trainer.improve(learner, g, r, OBS), axis_name=AXIS)
+
+    def step(gradient, rate):
+        one = jax.tree.map(lambda x: x[None], (gradient, jnp.array(rate)))
+        return trainer, learner, jax.tree.map(lambda x: x[0], improve(*one))
+
+    return step, jax.tree.map(jnp.ones_like, learner.policy)
+
+
+def test_poisoned_gradient_does_not_reach_the_policy(bits, improved):
+    step, gradient = improved
+    _, old, new = step(gradient, 0.1)
+    assert bits(new) != bits(old)
     poisoned = jax.tree.map(lambda x: x.at[0].set(jnp.nan), gradient)
-    assert bits(trainer.improve(learner, poisoned, 0.1)) == bits(learner)
+    _, old, new = step(poisoned, 0.1)
+    assert bits(new) == bits(old)
+
+
+def test_long_steps_are_shortened_and_the_average_follows(improved):
+    """Ten times the rate goes as far, not a hundred times: the divergence is nearly quadratic."""
+    step, gradient = improved
+
+    def moved(rate):
+        trainer, old, new = step(gradient, rate)
+        p, q = (trainer.with_params(x, x.policy).distribution(OBS) for x in (old, new))
+        return divergence(p, q).mean(), old, new
+
+    far, old, new = moved(0.3)
+    np.testing.assert_allclose(far, shac.Config().max_kl, rtol=0.4)
+    np.testing.assert_allclose(moved(3.0)[0], far, rtol=0.4)
+    assert moved(1e-4)[0] < 0.1 * far
+    jax.tree.map(
+        lambda mean, a, b: np.testing.assert_allclose(mean, a + 0.02 * (b - a), atol=1e-6),
+        new.mean_policy,
+        old.policy,
+        new.policy,
+    )
 
 
 @pytest.mark.parametrize(

@@ -60,7 +60,7 @@ def keep_finite(watched: Any, new: Any, old: Any) -> Any:
 
 
 def blend(old: Any, new: Any, part: float) -> Any:
-    """`old + part (new - old)`, for target networks."""
+    """`old + part (new - old)`, for running averages."""
     return jax.tree.map(lambda a, b: a + part * (b - a), old, new)
 
 
