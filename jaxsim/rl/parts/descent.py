@@ -59,7 +59,7 @@ def keep_finite(watched: Any, new: Any, old: Any) -> Any:
     return jax.tree.map(lambda a, b: jnp.where(fine, a, b), new, old)
 
 
-def blend(old: Any, new: Any, part: float) -> Any:
+def blend(old: Any, new: Any, part: float | jax.Array) -> Any:
     """`old + part (new - old)`, for running averages."""
     return jax.tree.map(lambda a, b: a + part * (b - a), old, new)
 
