@@ -1,5 +1,6 @@
 """The tasks of `jaxsim optimize` are solved from small random controls."""
 
+import jax
 import numpy as np
 import pytest
 
@@ -14,9 +15,10 @@ def test_solved(name, monkeypatch):
     pytest.importorskip("llvmlite")
     monkeypatch.setattr(switch, "_enabled", True)  # as `jaxsim optimize` does
     task = TASKS[name]
-    problem = task.make()
-    plan = trajopt.solve(problem, task.method, starts=task.starts)
-    assert task.distance(problem, plan) <= task.goal
+    with jax.enable_x64(task.double):
+        problem = task.make()
+        plan = trajopt.solve(problem, task.method, starts=task.starts)
+        assert task.distance(problem, plan) <= task.goal
     assert np.isfinite(plan.cost)
     assert np.all(np.asarray(plan.ctrls) <= np.asarray(problem.high))
     assert np.all(np.asarray(plan.ctrls) >= np.asarray(problem.low))
