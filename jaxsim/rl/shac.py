@@ -12,9 +12,10 @@ lambda-returns of all steps (as in Dreamer, Hafner et al. 2020) also has the val
 between: a fall within the horizon would otherwise say nothing, because the reward of health is
 constant until it.
 
-Two things keep the policy from swinging once it walks: an epoch moves it by a small divergence at
-most (a trust region, Schulman et al. 2015), and what is evaluated, and returned in the end, is a
-running average of its parameters (Polyak & Juditsky 1992).
+Three things keep the policy from swinging once it walks: a bonus for entropy keeps its noise, which
+smooths gradients through contact; an epoch moves it by a small divergence at most (a trust region,
+Schulman et al. 2015); and what is evaluated, and returned in the end, is a running average of its
+parameters (Polyak & Juditsky 1992).
 """
 
 import dataclasses
@@ -248,7 +249,7 @@ class SHAC(Algorithm):
         old, new = (
             self.with_params(learner, p).distribution(obs) for p in (learner.policy, params)
         )
-        (moved,) = average((divergence(old, new).mean(),))
+        moved = average(divergence(old, new).mean())
         return jnp.sqrt(self.config.max_kl / jnp.maximum(moved, self.config.max_kl))
 
     def fit(self, learner: Learner, obs: Float[Array, "T n obs"], targets, key, rate):

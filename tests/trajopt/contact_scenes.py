@@ -14,17 +14,6 @@ from jaxsim.dynamics.kinematics import kinematics
 
 TIMESTEP = 0.05
 
-# A finger of two links, and a wheel beside its tip, seen from above.
-SPINNER = """<mujoco><option timestep="0.05" gravity="0 0 0"/>
-  <default><joint axis="0 1 0" damping="0.1"/><geom friction="0.5"/></default><worldbody>
-  <body><joint name="one"/><inertial pos="0 0 .5" mass="1" diaginertia=".0839 .0839 .00125"/>
-    <body pos="0 0 1"><joint name="two"/>
-      <inertial pos="0 0 .5" mass="1" diaginertia=".0839 .0839 .00125"/>
-      <geom name="tip" pos="0 0 .95" size=".05"/></body></body>
-  <body pos="1.5 0 1"><joint/><inertial pos="0 0 0" mass="1" diaginertia=".054 .074 .022"/>
-    <geom name="wheel" size=".25"/></body></worldbody>
-  <actuator><motor joint="one"/><motor joint="two"/></actuator></mujoco>"""
-
 # A torso, a leg and a foot that touches the ground at toe and heel.
 HOPPER = """<mujoco><option timestep="0.05"/>
   <default><joint axis="0 -1 0"/><geom contype="0" conaffinity="1" friction="1"/></default>
@@ -70,13 +59,6 @@ def load(xml, law, stiffness):
     each = {"stiffness": 2.0 * stiffness}
     names = re.findall('<geom name="([^"]+)"', xml)
     return jaxsim.load(xml, contact=law, materials=dict.fromkeys(names, each))
-
-
-def spinner(law="lagged"):
-    """The wheel shall turn by two radians; the published start, where the tip is 8 cm away."""
-    model = load(SPINNER, law, 200)
-    start = jaxsim.make_state(model).replace(qpos=jnp.array([0.3, 1.5, 0.0]))
-    return quadratic_problem(model, start, jnp.array([0.3, 1.5, 2.0]), force=0.1)
 
 
 def hopper(law="lagged"):

@@ -9,6 +9,7 @@ from oracle import quick_jit
 
 import jaxsim
 from jaxsim import trajopt
+from jaxsim.trajopt.tasks import TASKS
 
 HORIZON, EFFORT, WORTH = 8, 0.5, 20.0
 
@@ -95,7 +96,7 @@ PUSH_TO = jnp.array([0.3, 0.1, 0.3])
 @pytest.mark.parametrize(
     ("problem", "coordinates", "goal"),
     [
-        (scenes.spinner, np.array([2]), jnp.array([2.0])),
+        (TASKS["spin"].make, np.array([2]), jnp.array([2.0])),
         (lambda: scenes.push(jaxsim.load(scenes.PUSHER), PUSH_TO), np.arange(3), PUSH_TO),
     ],
 )

@@ -10,6 +10,7 @@ from scipy.optimize import lsq_linear
 
 import jaxsim
 from jaxsim import trajopt
+from jaxsim.trajopt.tasks import TASKS
 
 MASS = """<mujoco><option timestep=".1" gravity="0 0 0" {}/><worldbody><body>
   <joint name="x" type="slide" damping=".5"/><geom size=".1" mass="2"/></body></worldbody>
@@ -117,7 +118,7 @@ def solved(problem, method):
 
 @pytest.mark.slow
 def test_a_finger_turns_a_wheel_that_it_does_not_touch(x64):
-    problem = scenes.spinner()
+    problem = TASKS["spin"].make()
     plan = solved(problem, trajopt.InverseDynamics(reach=0.03))
     check(problem, plan)
     np.testing.assert_allclose(plan.states.qpos[-1, 2], 2, atol=0.1)
