@@ -50,7 +50,7 @@ def _on_dofs(model: Model, coefficient):
 
 def _on_targets(model: Model, coefficient, kinds: tuple[int, ...], n: int):
     (ids,) = np.nonzero(np.isin(model.actuator_trntype, kinds))
-    gear = take(model.actuator_gear[:, 0], ids)
+    gear = take(model.actuator_gear[:, 0], model.actuator_outadr[ids])
     share = take(coefficient, ids) * (gear * gear).reshape(-1, *[1] * (coefficient.ndim - 1))
     if not len(ids):
         return jnp.zeros((n, *coefficient.shape[1:]), coefficient.dtype)

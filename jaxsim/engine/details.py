@@ -87,7 +87,7 @@ class ForwardDetails(Forward, ConstraintRows):
     ten_length: Float[Array, "ntendon"]
     ten_velocity: Float[Array, "ntendon"]
     ten_J: Float[Array, "ntendon nv"]
-    actuator_moment: Float[Array, "nu nv"]
+    actuator_moment: Float[Array, "nout nv"]
     qfrc_spring: Float[Array, "nv"]
     qfrc_damper: Float[Array, "nv"]
     qfrc_gravcomp: Float[Array, "nv"]

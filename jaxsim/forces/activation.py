@@ -8,7 +8,11 @@ from jaxtyping import Array, Float
 from jaxsim.arrays.constants import MINVAL
 from jaxsim.arrays.indexing import take
 from jaxsim.arrays.kinds import apply_by_kind
+from jaxsim.forces.controller import CURRENT, Drive, Part, as_activations, in_order, with_gain
+from jaxsim.forces.dc_motor import DCMOTOR, limited_states, motor_rates
 from jaxsim.forces.muscle import muscle_activation_rate
+from jaxsim.forces.orientation import SO3, setpoint_rates, setpoint_rows
+from jaxsim.forces.pid import PID, pid_rates
 from jaxsim.model import Model
 
 _INTEGRATOR = int(mujoco.mjtDyn.mjDYN_INTEGRATOR)
@@ -17,28 +21,36 @@ _FILTEREXACT = int(mujoco.mjtDyn.mjDYN_FILTEREXACT)
 _MUSCLE = int(mujoco.mjtDyn.mjDYN_MUSCLE)
 
 
-def stateful_actuators(model: Model) -> np.ndarray:
-    """(na,) actuator of each activation; static."""
-    (ids,) = np.nonzero(model.actuator_actadr >= 0)
-    return ids[np.argsort(model.actuator_actadr[ids])]
+def scalar_actuators(model: Model) -> np.ndarray:
+    """Actuators with one control, one force and at most one activation; static."""
+    return np.nonzero(~np.isin(model.actuator_gaintype, (PID, SO3, DCMOTOR)))[0]
 
 
-def activation_rate(
-    model: Model, act: Float[Array, "na"], ctrl: Float[Array, "nu"]
-) -> Float[Array, "na"]:
+def activation_rate(model: Model, drive: Drive) -> Float[Array, "na"]:
     """Rates of the activations.
 
     They are `ctrl` for integrators, `(ctrl - act) / tau` for filters, and for muscles the same
-    with a time constant that depends on `ctrl` and `act`.
+    with a time constant that depends on `ctrl` and `act`. PID servos and DC motors have several.
 
     Args:
       model: the model.
-      act: activations.
-      ctrl: controls, clamped to their ranges.
+      drive: controls, activations, lengths and velocities.
     """
-    ids = stateful_actuators(model)
-    if not len(ids):
-        return jnp.zeros_like(act)
+    if not model.na:
+        return jnp.zeros_like(drive.act)
+    parts = [_scalar_rates(model, drive)]
+    if len(servos := with_gain(model, PID)):
+        parts.append(as_activations(model, servos, pid_rates(model, drive)))
+    if len(motors := with_gain(model, DCMOTOR)):
+        parts.append(as_activations(model, motors, motor_rates(model, drive)))
+    if len(rows := setpoint_rows(model)):
+        parts.append((rows, setpoint_rates(model, drive)))
+    return in_order(parts)
+
+
+def _scalar_rates(model: Model, drive: Drive) -> Part:
+    ids = scalar_actuators(model)
+    ids = ids[model.actuator_actnum[ids] > 0]
 
     def lag(u, a, prm):
         return (u - a) / jnp.maximum(prm[0], MINVAL)
@@ -49,36 +61,44 @@ def activation_rate(
         _FILTEREXACT: lag,
         _MUSCLE: muscle_activation_rate,
     }
+    rows = model.actuator_actadr[ids]
+    inputs = take(drive.ctrl, model.actuator_ctrladr[ids]), take(drive.act, rows)
     prm = take(model.actuator_dynprm, ids)
-    return apply_by_kind(model.actuator_dyntype[ids], kinds, take(ctrl, ids), act, prm, empty=act)
+    return rows, apply_by_kind(model.actuator_dyntype[ids], kinds, *inputs, prm, empty=inputs[1])
 
 
 def next_activation(
     model: Model,
     act: Float[Array, "na"],
     act_dot: Float[Array, "na"],
+    velocity: Float[Array, "nout"],
     dt: Float[Array, ""],
 ) -> Float[Array, "na"]:
     """Activations after a time step, within `actrange`.
 
-    This is an Euler step. For exact filters its length is `tau (1 - exp(-dt / tau))` instead of dt.
+    This is an Euler step. For exact filters and currents its length is `tau (1 - exp(-dt / tau))`
+    instead of dt.
 
     Args:
       model: the model.
       act: activations.
       act_dot: their rates.
+      velocity: rates of the actuators' lengths.
       dt: length of the time step (s).
     """
-    ids = stateful_actuators(model)
-    if not len(ids):
+    if not model.na:
         return act
+    ids = model.structure.act_actuator
     step = dt * jnp.ones_like(act)
-    exact = model.actuator_dyntype[ids] == _FILTEREXACT
+    exact = (model.actuator_dyntype[ids] == _FILTEREXACT) | (
+        model.actuator_stateadr[ids, CURRENT] == np.arange(model.na)
+    )
     if exact.any():
         tau = jnp.maximum(take(model.actuator_dynprm[:, 0], ids), MINVAL)
         step = jnp.where(exact, -tau * jnp.expm1(-dt / jnp.where(exact, tau, 1.0)), step)
-    stepped = act + act_dot * step
-    limited = np.asarray(model.actuator_actlimited, bool)[ids]
+    stepped = limited_states(model, act, act + act_dot * step, velocity, dt)
+    motor = model.actuator_gaintype[ids] == DCMOTOR
+    limited = np.asarray(model.actuator_actlimited, bool)[ids] & ~motor
     if not limited.any():
         return stepped
     low, high = take(model.actuator_actrange, ids).T

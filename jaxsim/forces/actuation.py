@@ -2,7 +2,7 @@
 
 `force = gain(length, velocity) * input + bias(length, velocity)`, where the input is the control
 or, for an actuator with dynamics, its activation. MuJoCo documentation, chapter Computation,
-section "Actuation model".
+section "Actuation model". PID servos, DC motors and servos of orientations have files of their own.
 """
 
 import jax.numpy as jnp
@@ -22,14 +22,22 @@ from jaxsim.dynamics.transmission import (
     force_on_joints,
     transmission,
 )
-from jaxsim.forces.activation import activation_rate, next_activation, stateful_actuators
+from jaxsim.forces.activation import activation_rate, next_activation, scalar_actuators
 from jaxsim.forces.adhesion import with_adhesion
+from jaxsim.forces.controller import Drive, Part, in_order, with_gain
+from jaxsim.forces.dc_motor import DCMOTOR, mechanical_forces, motor_forces, motor_slopes
 from jaxsim.forces.muscle import muscle_bias, muscle_gain
-from jaxsim.forces.servo import wrap_setpoint
+from jaxsim.forces.orientation import SO3, force_rows, limited_torques, torques
+from jaxsim.forces.pid import PID, pid_forces
+from jaxsim.forces.servo import nearest_setpoint
 from jaxsim.model import Model
 
 _CLAMPCTRL = mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL
 _ACTUATION = mujoco.mjtDisableBit.mjDSBL_ACTUATION
+
+
+Paths = tuple[Float[Array, "nout"], Float[Array, "nout"]]
+"""Lengths of the actuators and their rates."""
 
 
 @struct.dataclass
@@ -39,23 +47,31 @@ class Actuation:
     Attributes:
       transmission: lengths and moments.
       actuator_velocity: rates of the lengths.
-      actuator_input: activation of each actuator with dynamics, clamped control of the others.
+      actuator_input: activation of each of the `scalar_actuators` with dynamics, clamped control of
+        the others.
       actuator_force: forces along the actuators.
       qfrc_actuator: generalised forces.
       act_dot: rates of the activations.
+      motor_slope: derivatives of the forces of DC motors by their velocities.
     """
 
     transmission: Transmission
-    actuator_velocity: Float[Array, "nu"]
-    actuator_input: Float[Array, "nu"]
-    actuator_force: Float[Array, "nu"]
+    actuator_velocity: Float[Array, "nout"]
+    actuator_input: Float[Array, "nscalar"]
+    actuator_force: Float[Array, "nout"]
     qfrc_actuator: Float[Array, "nv"]
     act_dot: Float[Array, "na"]
+    motor_slope: Float[Array, "nmotor"]
 
     @property
-    def actuator_length(self) -> Float[Array, "nu"]:
+    def actuator_length(self) -> Float[Array, "nout"]:
         """Lengths of the actuators."""
         return self.transmission.length
+
+    @property
+    def paths(self) -> Paths:
+        """Lengths of the actuators and their rates."""
+        return self.actuator_length, self.actuator_velocity
 
 
 def actuation(
@@ -83,14 +99,17 @@ def actuation(
     t = transmission(model, kin, qpos)
     t = t if contact is None else with_adhesion(model, kin, t, contact)
     zeros = jnp.zeros_like(t.length)
-    if not model.nu or model.opt.disabled(_ACTUATION):
-        return Actuation(t, zeros, zeros, zeros, jnp.zeros_like(qvel), jnp.zeros_like(act))
-    velocity = actuator_velocity(model, t, qvel)
-    ctrl = zeros if ctrl is None else ctrl
-    clamped = clamp_ctrl(model, ctrl)
-    act_dot = activation_rate(model, act, clamped)
-    used = _inputs(model, act, act_dot, clamped)
-    force = _forces(model, t.length, velocity, wrap_setpoint(model, used, t.length))
+    if not model.nactuator or model.opt.disabled(_ACTUATION):
+        none = zeros[:0]
+        qfrc, rates = jnp.zeros_like(qvel), jnp.zeros_like(act)
+        return Actuation(t, zeros, none, zeros, qfrc, rates, none)
+    velocity, motors = actuator_velocity(model, t, qvel), len(with_gain(model, DCMOTOR)) > 0
+    ctrl = jnp.zeros(model.nu, act.dtype) if ctrl is None else ctrl
+    drive = Drive(clamp_ctrl(model, ctrl), act, t.length, velocity)
+    act_dot = activation_rate(model, drive)
+    early = _early_activations(model, drive, act_dot)
+    used = _inputs(model, early, drive.ctrl)
+    force = _forces(model, drive, act_dot, early, used)
     return Actuation(
         transmission=t,
         actuator_velocity=velocity,
@@ -98,6 +117,7 @@ def actuation(
         actuator_force=force,
         qfrc_actuator=_joint_forces(model, t, force, qfrc_gravcomp),
         act_dot=act_dot,
+        motor_slope=motor_slopes(model, drive) if motors else zeros[:0],
     )
 
 
@@ -109,39 +129,77 @@ def clamp_ctrl(model: Model, ctrl: Float[Array, "nu"]) -> Float[Array, "nu"]:
 
 
 def disabled_actuators(model: Model) -> np.ndarray:
-    """(nu,) whether each actuator belongs to a disabled group; static."""
+    """(nactuator,) whether each actuator belongs to a disabled group; static."""
     group = np.asarray(model.actuator_group)
     known = (group >= 0) & (group <= 30)
     return known & (((model.opt.disableactuator >> np.where(known, group, 0)) & 1) == 1)
 
 
-def _inputs(model: Model, act, act_dot, ctrl) -> Float[Array, "nu"]:
+def _early_activations(model: Model, drive: Drive, act_dot) -> Float[Array, "na"]:
+    """Activations, those of actuators with `actearly` after the time step."""
+    early = np.asarray(model.actuator_actearly, bool)[model.structure.act_actuator]
+    if not early.any():
+        return drive.act
+    after = next_activation(model, drive.act, act_dot, drive.velocity, model.opt.timestep)
+    return jnp.where(early, after, drive.act)
+
+
+def _inputs(model: Model, act, ctrl) -> Float[Array, "nscalar"]:
     """Factor of each gain: the activation of an actuator that has one, else its control."""
-    ids = stateful_actuators(model)
-    if not len(ids):
-        return ctrl
-    early = np.asarray(model.actuator_actearly, bool)[ids]
-    state = act
-    if early.any():
-        state = jnp.where(early, next_activation(model, act, act_dot, model.opt.timestep), act)
-    position = np.arange(model.nu)
-    position[ids] = model.nu + np.arange(len(ids))
-    return take(jnp.concatenate([ctrl, state]), position)
+    ids = scalar_actuators(model)
+    stateful = model.actuator_actnum[ids] > 0
+    if not stateful.any():
+        return take(ctrl, model.actuator_ctrladr[ids])
+    of_act, of_ctrl = model.nu + model.actuator_actadr[ids], model.actuator_ctrladr[ids]
+    return take(jnp.concatenate([ctrl, act]), np.where(stateful, of_act, of_ctrl))
 
 
-def _forces(model: Model, length, velocity, control) -> Float[Array, "nu"]:
-    force = gains(model, length, velocity) * control + _biases(model, length, velocity)
-    off = disabled_actuators(model)
-    if off.any():
-        force = jnp.where(off, 0, force)
+def _forces(model: Model, drive: Drive, act_dot, early, used) -> Float[Array, "nout"]:
+    motors = with_gain(model, DCMOTOR)
+    parts = [_scalar_forces(model, drive, used)]
+    if len(servos := with_gain(model, PID)):
+        force = pid_forces(model, drive, act_dot, early)
+        parts.append((model.actuator_outadr[servos], force))
+    if len(motors):
+        force = motor_forces(model, drive, act_dot, early)
+        parts.append((model.actuator_outadr[motors], force))
+    if len(rows := force_rows(model)):
+        parts.append((rows, torques(model, drive, early)))
+    force = _limited(model, _without_disabled(model, in_order(parts)))
+    if len(motors):
+        # The limit is one of the current.
+        mechanical = mechanical_forces(model, drive, act_dot)
+        force = force.at[model.actuator_outadr[motors]].add(mechanical, unique_indices=True)
+        force = _without_disabled(model, force)
+    return force
+
+
+def _scalar_forces(model: Model, drive: Drive, used) -> Part:
+    ids = scalar_actuators(model)
+    rows = model.actuator_outadr[ids]
+    length, velocity = take(drive.length, rows), take(drive.velocity, rows)
+    setpoint = nearest_setpoint(model, ids, used, length)
+    return rows, gains(model, length, velocity) * setpoint + _biases(model, length, velocity)
+
+
+def _without_disabled(model: Model, force) -> Float[Array, "nout"]:
+    off = disabled_actuators(model)[model.structure.out_actuator]
+    return jnp.where(off, 0, force) if off.any() else force
+
+
+def _limited(model: Model, force) -> Float[Array, "nout"]:
+    """Forces within the ranges of their tendons and of their own."""
+    owner = model.structure.out_actuator
+    scalar = np.asarray(model.actuator_forcelimited, bool) & (model.actuator_gaintype != SO3)
     force = _limit_tendons(model, force)
-    return _clip(force, model.actuator_forcerange, model.actuator_forcelimited)
+    force = _clip(force, take(model.actuator_forcerange, owner), scalar[owner])
+    return limited_torques(model, force)
 
 
 def gains(
-    model: Model, length: Float[Array, "nu"], velocity: Float[Array, "nu"]
-) -> Float[Array, "nu"]:
-    """(nu,) force for a unit of input, without the bias."""
+    model: Model, length: Float[Array, "nscalar"], velocity: Float[Array, "nscalar"]
+) -> Float[Array, "nscalar"]:
+    """Force of each of the `scalar_actuators` for a unit of input, without the bias."""
     kinds = {
         int(mujoco.mjtGain.mjGAIN_FIXED): lambda prm, *_: prm[0],
         int(mujoco.mjtGain.mjGAIN_AFFINE): lambda prm, x, v, *_: _affine(prm, x, v),
@@ -149,20 +207,10 @@ def gains(
             x, v, span, acc0, prm
         ),
     }
-    ranges, acc0 = model.actuator_lengthrange, model.actuator_acc0
-    return apply_by_kind(
-        model.actuator_gaintype,
-        kinds,
-        model.actuator_gainprm,
-        length,
-        velocity,
-        ranges,
-        acc0,
-        empty=length,
-    )
+    return _by_kind(model, "gain", kinds, length, velocity)
 
 
-def _biases(model: Model, length, velocity) -> Float[Array, "nu"]:
+def _biases(model: Model, length, velocity) -> Float[Array, "nscalar"]:
     kinds = {
         int(mujoco.mjtBias.mjBIAS_NONE): lambda prm, *_: jnp.zeros_like(prm[0]),
         int(mujoco.mjtBias.mjBIAS_AFFINE): lambda prm, x, v, *_: _affine(prm, x, v),
@@ -170,15 +218,21 @@ def _biases(model: Model, length, velocity) -> Float[Array, "nu"]:
             x, span, acc0, prm
         ),
     }
-    ranges, acc0 = model.actuator_lengthrange, model.actuator_acc0
+    return _by_kind(model, "bias", kinds, length, velocity)
+
+
+def _by_kind(model: Model, what: str, kinds, length, velocity) -> Float[Array, "nscalar"]:
+    """Gains or biases of the scalar actuators."""
+    ids = scalar_actuators(model)
+    rows = model.actuator_outadr[ids]
     return apply_by_kind(
-        model.actuator_biastype,
+        getattr(model, f"actuator_{what}type")[ids],
         kinds,
-        model.actuator_biasprm,
+        take(getattr(model, f"actuator_{what}prm"), ids),
         length,
         velocity,
-        ranges,
-        acc0,
+        take(model.actuator_lengthrange, rows),
+        take(model.actuator_acc0, rows),
         empty=length,
     )
 
@@ -187,14 +241,14 @@ def _affine(prm, length, velocity):
     return prm[0] + prm[1] * length + prm[2] * velocity
 
 
-def _limit_tendons(model: Model, force) -> Float[Array, "nu"]:
+def _limit_tendons(model: Model, force) -> Float[Array, "nout"]:
     """Scale the forces of actuators of limited tendons so that each tendon's sum is in range."""
     (on_tendon,) = np.nonzero(model.actuator_trntype == TENDON)
     tendon = model.actuator_trnid[on_tendon, 0]
     limited = np.asarray(model.tendon_actfrclimited, bool)[tendon]
     if not limited.any():
         return force
-    ids, tendon = on_tendon[limited], tendon[limited]
+    ids, tendon = model.actuator_outadr[on_tendon[limited]], tendon[limited]
     total = take(sum_by(take(force, ids), tendon, model.ntendon), tendon)
     low, high = take(model.tendon_actfrcrange, tendon).T
     outside = (total < low) | (total > high)

@@ -10,7 +10,7 @@ from jaxsim.collision import Contact
 from jaxsim.collision.parameters import contact_reach
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.rnea import generalized_force, wrench_on_links
-from jaxsim.dynamics.transmission import BODY, Transmission, scalar_actuators
+from jaxsim.dynamics.transmission import BODY, Transmission, scalar_outputs
 from jaxsim.forces.external import contact_wrench
 from jaxsim.model import Model
 
@@ -34,11 +34,12 @@ def with_adhesion(model: Model, kin: Kinematics, t: Transmission, contact: Conta
     ids = adhesive_bodies(model)
     if not len(ids):
         return t
-    _, other = scalar_actuators(model)
+    _, other = scalar_outputs(model)
     bodies = jnp.asarray(model.actuator_trnid[ids, 0])
     rows = jax.vmap(lambda body: _moment(model, kin, contact, body))(bodies)
-    gear = take(model.actuator_gear[:, 0], ids)
-    return t.replace(rows=t.rows.at[np.searchsorted(other, ids)].set(gear[:, None] * rows))
+    outputs = model.actuator_outadr[ids]
+    gear = take(model.actuator_gear[:, 0], outputs)
+    return t.replace(rows=t.rows.at[np.searchsorted(other, outputs)].set(gear[:, None] * rows))
 
 
 def _moment(model: Model, kin: Kinematics, contact: Contact, body) -> Float[Array, "nv"]:

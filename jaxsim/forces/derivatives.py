@@ -9,21 +9,27 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 from flax import struct
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
+from jaxsim.arrays.indexing import take
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.rnea import generalized_force, link_bias
 from jaxsim.dynamics.tendons.tendon import tendon_jacobian
-from jaxsim.dynamics.transmission import scalar_actuators, scalar_damping
+from jaxsim.dynamics.transmission import scalar_damping, scalar_outputs
 from jaxsim.dynamics.velocity import Velocities, velocities
+from jaxsim.forces.activation import scalar_actuators
 from jaxsim.forces.actuation import Actuation, disabled_actuators, gains
+from jaxsim.forces.controller import in_order, with_gain
 from jaxsim.forces.damper import dof_damping_slope, has_tendon_damping, tendon_damping_slope
+from jaxsim.forces.dc_motor import DCMOTOR
 from jaxsim.forces.fluid import has_fluid, link_drag
+from jaxsim.forces.orientation import force_rows
+from jaxsim.forces.pid import PID
 from jaxsim.model import Model
 
 _ACTUATION = mujoco.mjtDisableBit.mjDSBL_ACTUATION
 _AFFINE = (int(mujoco.mjtGain.mjGAIN_AFFINE), int(mujoco.mjtGain.mjGAIN_MUSCLE))
-_AFFINE_BIAS = int(mujoco.mjtBias.mjBIAS_AFFINE)
+_AFFINE_BIASES = (int(mujoco.mjtBias.mjBIAS_AFFINE), int(mujoco.mjtBias.mjBIAS_SO3))
 
 
 @struct.dataclass
@@ -58,7 +64,7 @@ def smooth_damping(
     slope = _actuator_slope(model, actuation)
     diagonal = dof_damping_slope(model, qvel)
     dense = None
-    _, others = scalar_actuators(model)
+    _, others = scalar_outputs(model)
     if slope is not None:
         diagonal = diagonal - scalar_damping(model, actuation.transmission, slope)
         if _depends_on_velocity(model)[others].any():
@@ -111,22 +117,48 @@ def smooth_velocity_derivative(
 
 
 def _depends_on_velocity(model: Model) -> np.ndarray:
-    """(nu,) whether the type of an actuator allows its force to depend on velocity; static."""
-    by_type = np.isin(model.actuator_gaintype, _AFFINE) | (model.actuator_biastype == _AFFINE_BIAS)
-    return by_type & ~disabled_actuators(model)
+    """(nout,) whether the type of an actuator allows its force to depend on velocity; static."""
+    by_type = np.isin(model.actuator_gaintype, (*_AFFINE, DCMOTOR))
+    by_type = by_type | np.isin(model.actuator_biastype, _AFFINE_BIASES)
+    return (by_type & ~disabled_actuators(model))[model.structure.out_actuator]
 
 
-def _actuator_slope(model: Model, actuation: Actuation) -> Float[Array, "nu"] | None:
+def _actuator_slope(model: Model, actuation: Actuation) -> Float[Array, "nout"] | None:
     """Derivatives of actuator forces with respect to their velocities; None if all are zero."""
     depends = _depends_on_velocity(model)
     if model.opt.disabled(_ACTUATION) or not depends.any():
         return None
-    length, velocity = actuation.actuator_length, actuation.actuator_velocity
-    ones = jnp.ones_like(velocity)
-    _, gain_slope = jax.jvp(lambda v: gains(model, length, v), (velocity,), (ones,))
-    bias_slope = jnp.where(model.actuator_biastype == _AFFINE_BIAS, model.actuator_biasprm[:, 2], 0)
-    slope = gain_slope * actuation.actuator_input + bias_slope
-    low, high = model.actuator_forcerange[:, 0], model.actuator_forcerange[:, 1]
-    force = actuation.actuator_force
-    saturated = np.asarray(model.actuator_forcelimited, bool) & ((force <= low) | (force >= high))
-    return jnp.where(depends & ~saturated, slope, 0)
+    owner, ids = model.structure.out_actuator, scalar_actuators(model)
+    affine = np.isin(model.actuator_biastype, _AFFINE_BIASES)
+    bias_slope = take(jnp.where(affine, model.actuator_biasprm[:, 2], 0), owner)
+    parts = [(model.actuator_outadr[ids], _gain_slopes(model, ids, actuation))]
+    if len(motors := with_gain(model, DCMOTOR)):
+        parts.append((model.actuator_outadr[motors], actuation.motor_slope))
+    others = np.concatenate([model.actuator_outadr[with_gain(model, PID)], force_rows(model)])
+    parts.append((others, jnp.zeros(len(others), bias_slope.dtype)))
+    slope = in_order(parts) + bias_slope
+    return jnp.where(depends & ~_saturated(model, actuation.actuator_force), slope, 0)
+
+
+def _gain_slopes(model: Model, ids: np.ndarray, actuation: Actuation) -> Float[Array, "nscalar"]:
+    """Derivatives of `gain * input` of the scalar actuators."""
+    rows = model.actuator_outadr[ids]
+    length, velocity = (
+        take(actuation.actuator_length, rows),
+        take(actuation.actuator_velocity, rows),
+    )
+    _, slope = jax.jvp(lambda v: gains(model, length, v), (velocity,), (jnp.ones_like(velocity),))
+    return slope * actuation.actuator_input
+
+
+def _saturated(model: Model, force: Float[Array, "nout"]) -> Bool[Array, "nout"]:
+    """Which forces are at their limits; of a servo of an orientation, the size of its torque is."""
+    owner = model.structure.out_actuator
+    low, high = take(model.actuator_forcerange, owner).T
+    at_limit = (force <= low) | (force >= high)
+    if len(rows := force_rows(model)):
+        # The size of a limited torque is the limit up to rounding; in MuJoCo, rounding decides.
+        sizes = jnp.sqrt(jnp.sum(take(force, rows).reshape(-1, 3) ** 2, axis=1))
+        limits = take(high, rows) * (1 - 8 * jnp.finfo(force.dtype).eps)
+        at_limit = at_limit.at[rows].set(jnp.repeat(sizes, 3) >= limits)
+    return np.asarray(model.actuator_forcelimited, bool)[owner] & at_limit

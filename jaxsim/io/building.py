@@ -14,6 +14,7 @@ import numpy as np
 from jaxsim.collision.candidates import candidate_pairs
 from jaxsim.collision.rays import opaque_geoms
 from jaxsim.collision.unsupported import dropped_pairs, unsupported_pairs
+from jaxsim.io.actuators import actuator_tables
 from jaxsim.io.fields import field_tables
 from jaxsim.io.frames import effective_frames
 from jaxsim.io.hulls import flat_meshes, hull_tables
@@ -71,6 +72,7 @@ def build(
             **{name: _static_array(mj, name) for name in ARRAYS},
             **hull_tables(mj, names.label),
             **field_tables(mj),
+            **actuator_tables(mj),
             "wrap_sideid": _side_sites(mj),
             "geom_opaque": opaque_geoms(mj),
             "geom_ellipsoid": mj.geom_fluid[:, 0] > 0,

@@ -11,6 +11,7 @@ from jaxsim.arrays.constants import MINVAL
 from jaxsim.model.model import Model, Option
 from jaxsim.model.names import Label
 from jaxsim.model.problems import ModelProblem, rows
+from jaxsim.model.structure import ACTUATOR_ROWS
 
 # Kind of element for the prefix of a field's name.
 _KINDS = {
@@ -76,6 +77,8 @@ def _element(mj: mujoco.MjModel, label: Label, field: str, i: int) -> str:
         return label("joint", int(np.searchsorted(mj.jnt_qposadr, i, side="right")) - 1)
     if prefix == "wrap":
         return label("tendon", int(np.searchsorted(mj.tendon_adr, i, side="right")) - 1)
+    if field in ACTUATOR_ROWS:
+        i = int(np.repeat(np.arange(mj.nactuator), getattr(mj, ACTUATOR_ROWS[field]))[i])
     return label(_KINDS[prefix], i)
 
 

@@ -43,14 +43,20 @@ _CHOICES = (
     _Choice("jnt_type", "joint", "type", "mjtJoint", "FREE BALL SLIDE HINGE"),
     _Choice(
         *("actuator_trntype", "actuator", "transmission", "mjtTrn"),
-        "JOINT JOINTINPARENT SLIDERCRANK TENDON SITE BODY",
+        "JOINT JOINTINPARENT SLIDERCRANK TENDON SITE BODY SO3",
     ),
     _Choice(
         *("actuator_dyntype", "actuator", "dyntype", "mjtDyn"),
-        "NONE INTEGRATOR FILTER FILTEREXACT MUSCLE",
+        "NONE INTEGRATOR FILTER FILTEREXACT MUSCLE DCMOTOR PID",
     ),
-    _Choice("actuator_gaintype", "actuator", "gaintype", "mjtGain", "FIXED AFFINE MUSCLE"),
-    _Choice("actuator_biastype", "actuator", "biastype", "mjtBias", "NONE AFFINE MUSCLE"),
+    _Choice(
+        *("actuator_gaintype", "actuator", "gaintype", "mjtGain"),
+        "FIXED AFFINE MUSCLE DCMOTOR SO3 PID",
+    ),
+    _Choice(
+        *("actuator_biastype", "actuator", "biastype", "mjtBias"),
+        "NONE AFFINE MUSCLE DCMOTOR SO3",
+    ),
     _Choice("eq_type", "equality", "type", "mjtEq", "CONNECT WELD JOINT TENDON"),
 )
 _OPTIONS = (
@@ -106,7 +112,6 @@ def _attributes(mj: mujoco.MjModel) -> tuple[tuple[str, str, np.ndarray, str], .
     remove = "remove the attribute"
     return (
         ("actuator", "delay", mj.actuator_delay, remove),
-        ("actuator", "more than one control", mj.actuator_ctrlnum - 1, "use one each"),
         ("geom", "adhesion", mj.geom_adhesion, remove),
         ("pair", "adhesion", mj.pair_adhesion, remove),
         ("sensor", "delay", mj.sensor_delay, remove),

@@ -179,7 +179,7 @@ def _step(maximal: Maximal, state: MaximalState, ctrl) -> tuple[MaximalState, St
     after = step.after.replace(qacc_warmstart=lax.stop_gradient(step.qacc))
     acting = last.now.actuation
     tree, joints = maximal.tree, last.joints
-    act = next_activations(tree, state.act, acting.act_dot, acting.actuator_length)
+    act = next_activations(tree, state.act, acting.act_dot, acting.paths)
     qpos = integrate_pos(tree, joints.qpos, joints.qvel, tree.opt.timestep)
     return MaximalState(after.replace(act=state.bodies.act), qpos, act), step.status
 

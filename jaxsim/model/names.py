@@ -136,9 +136,17 @@ def _owners(mj: mujoco.MjModel) -> dict[str, list[Element | None]]:
     )
     owners["sensor"] = _objects(mj.sensor_objtype, mj.sensor_objid)
     owners["actuator"] = _objects(
-        [_TRANSMISSIONS.get(int(t), -1) for t in mj.actuator_trntype], mj.actuator_trnid[:, 0]
+        [_driven(*pair) for pair in zip(mj.actuator_trntype, mj.actuator_trnid[:, 1], strict=True)],
+        mj.actuator_trnid[:, 0],
     )
     return owners
+
+
+def _driven(kind: int, reference: int) -> int:
+    """What an actuator acts on, a number of `mujoco.mjtObj`; -1 if it is unknown."""
+    if kind == _SO3:
+        return _JOINT if reference < 0 else _SITE
+    return _TRANSMISSIONS.get(int(kind), -1)
 
 
 def _objects(types: Sequence[int], ids: Sequence[int]) -> list[Element | None]:
@@ -154,6 +162,8 @@ _OBJECTS = {
         "ACTUATOR": "actuator",
     }.items()
 }
+_JOINT, _SITE = int(mujoco.mjtObj.mjOBJ_JOINT), int(mujoco.mjtObj.mjOBJ_SITE)
+_SO3 = int(mujoco.mjtTrn.mjTRN_SO3)
 # Types of equalities for which `eq_objtype` does not say what their objects are.
 _EQUALITIES = {
     int(getattr(mujoco.mjtEq, f"mjEQ_{name}")): int(getattr(mujoco.mjtObj, f"mjOBJ_{name}"))

@@ -22,9 +22,9 @@ _AXES = {
     "tendon_damping": ("ntendon",),
     "tendon_dampingpoly": ("ntendon", "npoly"),
     "tendon_frictionloss": ("ntendon",),
-    "actuator_armature": ("nu",),
-    "actuator_damping": ("nu",),
-    "actuator_dampingpoly": ("nu", "npoly"),
+    "actuator_armature": ("nactuator",),
+    "actuator_damping": ("nactuator",),
+    "actuator_dampingpoly": ("nactuator", "npoly"),
 }
 OPTIONAL_FORCES = tuple(_AXES)
 

@@ -17,7 +17,7 @@ from jaxsim.model.topology import Forest
 
 SIZES = (
     "nq nv nu na nbody njnt ngeom nsite ncam neq ntendon nwrap nsensor nsensordata nmocap nkey "
-    "npair nexclude nactuator"
+    "npair nexclude nactuator nout"
 ).split()
 
 ARRAYS = (
@@ -30,18 +30,27 @@ ARRAYS = (
     "eq_type eq_obj1id eq_obj2id eq_objtype eq_active0 "
     "tendon_adr tendon_num tendon_limited tendon_actfrclimited wrap_type wrap_objid "
     "actuator_trntype actuator_dyntype actuator_gaintype actuator_biastype actuator_trnid "
-    "actuator_actadr actuator_actlimited actuator_actearly actuator_ctrllimited "
+    "actuator_ctrladr actuator_ctrlnum actuator_ctrlspec actuator_outadr actuator_outnum "
+    "actuator_actadr actuator_actnum actuator_actlimited actuator_actearly actuator_ctrllimited "
     "actuator_forcelimited actuator_group "
     "sensor_type sensor_datatype sensor_objtype sensor_objid sensor_reftype "
     "sensor_refid sensor_dim sensor_adr sensor_intprm"
 ).split()
+
+# Fields with a row for each control or force of an actuator, and the field that counts them.
+ACTUATOR_ROWS = {
+    "actuator_ctrlrange": "actuator_ctrlnum",
+    **dict.fromkeys(("actuator_gear", "actuator_acc0"), "actuator_outnum"),
+    **dict.fromkeys(("actuator_length0", "actuator_lengthrange"), "actuator_outnum"),
+}
 
 
 class Structure:
     """Sizes, types, addresses, flags and names of a model, immutable and hashable.
 
     Fields have MuJoCo's names and values; arrays are read-only NumPy arrays. Fields of our own are
-    the tables of hulls and height fields (`jaxsim.io.hulls`, `jaxsim.io.fields`), `wrap_sideid`,
+    the tables of hulls, height fields and actuators (`jaxsim.io.hulls`, `jaxsim.io.fields`,
+    `jaxsim.io.actuators`), `wrap_sideid`,
     the side site of each surface that a tendon wraps around (-1: none), `geom_opaque`, whether each
     geom is opaque, and `geom_ellipsoid`, whether it is an ellipsoid for the medium. The link tree
     (`tree`) and the body tree (`body_tree`) are derived from the fields. `facts` caches the facts
@@ -148,6 +157,23 @@ class Structure:
     def dof_position(self) -> np.ndarray:
         """(nv,) index in tree order of each degree of freedom in MuJoCo's order."""
         return np.argsort(self.dof_order)
+
+    @functools.cached_property
+    def ctrl_actuator(self) -> np.ndarray:
+        """(nu,) actuator of each control."""
+        return np.repeat(np.arange(self.nactuator), self.actuator_ctrlnum)
+
+    @functools.cached_property
+    def out_actuator(self) -> np.ndarray:
+        """(nout,) actuator of each force."""
+        return np.repeat(np.arange(self.nactuator), self.actuator_outnum)
+
+    @functools.cached_property
+    def act_actuator(self) -> np.ndarray:
+        """(na,) actuator of each activation."""
+        (ids,) = np.nonzero(self.actuator_actnum)
+        ids = ids[np.argsort(self.actuator_actadr[ids])]
+        return np.repeat(ids, self.actuator_actnum[ids])
 
     @functools.cached_property
     def related_dofs(self) -> np.ndarray:

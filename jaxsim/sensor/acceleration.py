@@ -43,9 +43,9 @@ def torque(r: Readings, g: SensorGroup) -> Float[Array, "n 3"]:
     return into_frame(mat, jax.vmap(wrench_from)(take(r.cfrc_int, body), arm)[:, :3])
 
 
-def actuatorfrc(r: Readings, g: SensorGroup) -> Float[Array, "n 1"]:
-    """Scalar force of an actuator."""
-    return take(r.signals.actuator_force, g.obj)[:, None]
+def actuatorfrc(r: Readings, g: SensorGroup) -> Float[Array, "n m"]:
+    """Force of an actuator."""
+    return r.of_actuators(r.signals.actuator_force, g.obj)
 
 
 def jointactfrc(r: Readings, g: SensorGroup) -> Float[Array, "n 1"]:
@@ -57,7 +57,9 @@ def tendonactfrc(r: Readings, g: SensorGroup) -> Float[Array, "n 1"]:
     """Sum of the scalar forces of the actuators that pull a tendon."""
     (pulling,) = np.nonzero(r.model.actuator_trntype == _TENDON)
     tendon = r.model.actuator_trnid[pulling, 0]
-    total = sum_by(take(r.signals.actuator_force, pulling), tendon, r.model.ntendon)
+    total = sum_by(
+        take(r.signals.actuator_force, r.model.actuator_outadr[pulling]), tendon, r.model.ntendon
+    )
     return take(total, g.obj)[:, None]
 
 

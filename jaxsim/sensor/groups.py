@@ -9,6 +9,7 @@ from jaxsim.model import Model
 
 _JOINT = int(mujoco.mjtObj.mjOBJ_JOINT)
 _SITE = int(mujoco.mjtObj.mjOBJ_SITE)
+_ACTUATOR = int(mujoco.mjtObj.mjOBJ_ACTUATOR)
 _CAMERA = int(mujoco.mjtObj.mjOBJ_CAMERA)
 
 
@@ -20,8 +21,8 @@ class SensorGroup:
       kind: name of the sensors' type, `mujoco.mjtSensor` without its prefix.
       objtype: `mujoco.mjtObj` of the objects.
       reftype: `mujoco.mjtObj` of the reference objects; -1 for none.
-      variant: type of the joint, shape of the site, or camera of an image, if the function depends
-        on it; else -1.
+      variant: type of the joint, shape of the site, camera of an image, or number of an actuator's
+        forces, if the function depends on it; else -1.
       intprm: MuJoCo's integer parameters: which data are read, and how they are reduced.
       sensors: (n,) ids of the sensors.
       obj: (n,) ids of their objects.
@@ -70,6 +71,8 @@ def _key(model: Model, s: int) -> tuple[str, int, int, int, tuple[int, ...]]:
     variant = -1
     if objtype == _JOINT:
         variant = int(model.jnt_type[obj])
+    elif objtype == _ACTUATOR:
+        variant = int(model.actuator_outnum[obj])
     elif kind == "TOUCH":
         variant = int(model.site_type[obj])
     elif kind == "RANGEFINDER" and objtype == _CAMERA:

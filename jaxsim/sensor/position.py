@@ -33,9 +33,9 @@ def tendonpos(r: Readings, g: SensorGroup) -> Float[Array, "n 1"]:
     return take(r.signals.tendon_length, g.obj)[:, None]
 
 
-def actuatorpos(r: Readings, g: SensorGroup) -> Float[Array, "n 1"]:
+def actuatorpos(r: Readings, g: SensorGroup) -> Float[Array, "n m"]:
     """Length of an actuator's transmission."""
-    return take(r.signals.actuator_length, g.obj)[:, None]
+    return r.of_actuators(r.signals.actuator_length, g.obj)
 
 
 def jointlimitpos(r: Readings, g: SensorGroup) -> Float[Array, "n 1"]:

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsim.arrays.indexing import take
+from jaxsim.arrays.kinds import Rows
 from jaxsim.quantities import body_forces
 from jaxsim.quantities.cameras import Frames, camera_frames
 from jaxsim.quantities.momentum import subtree_velocities
@@ -97,6 +98,11 @@ class Readings:
         if objtype not in local:
             return base
         return jax.vmap(quat_mul)(base, take(local[objtype], ids))
+
+    def of_actuators(self, signal: Float[Array, "nout"], ids: np.ndarray) -> Float[Array, "n m"]:
+        """A quantity of actuators with m forces each."""
+        model = self.model
+        return Rows(signal, model.actuator_outadr, model.actuator_outnum).blocks(ids)
 
     def velocity(self, objtype: int, ids: np.ndarray) -> Float[Array, "n 6"]:
         """Twists of objects about their own positions, world axes."""

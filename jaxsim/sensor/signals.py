@@ -21,7 +21,7 @@ class Signals:
       tendon_velocity: their rates.
       actuator_length: lengths of the actuators' transmissions.
       actuator_velocity: their rates.
-      actuator_force: scalar forces of the actuators.
+      actuator_force: forces along the actuators.
       qfrc_actuator: generalised forces of all actuators.
       qacc: accelerations, constraints included.
       body_wrench: external (torque, force) on each body about its centre of mass `xipos`, world
@@ -39,9 +39,9 @@ class Signals:
     energy: Float[Array, "2"] | None = None
     tendon_length: Float[Array, "ntendon"] | None = None
     tendon_velocity: Float[Array, "ntendon"] | None = None
-    actuator_length: Float[Array, "nu"] | None = None
-    actuator_velocity: Float[Array, "nu"] | None = None
-    actuator_force: Float[Array, "nu"] | None = None
+    actuator_length: Float[Array, "nout"] | None = None
+    actuator_velocity: Float[Array, "nout"] | None = None
+    actuator_force: Float[Array, "nout"] | None = None
     qfrc_actuator: Float[Array, "nv"] | None = None
     qacc: Float[Array, "nv"] | None = None
     body_wrench: Float[Array, "nbody 6"] | None = None

@@ -39,9 +39,9 @@ def tendonvel(r: Readings, g: SensorGroup) -> Float[Array, "n 1"]:
     return take(r.signals.tendon_velocity, g.obj)[:, None]
 
 
-def actuatorvel(r: Readings, g: SensorGroup) -> Float[Array, "n 1"]:
+def actuatorvel(r: Readings, g: SensorGroup) -> Float[Array, "n m"]:
     """Rate of the length of an actuator's transmission."""
-    return take(r.signals.actuator_velocity, g.obj)[:, None]
+    return r.of_actuators(r.signals.actuator_velocity, g.obj)
 
 
 def jointlimitvel(r: Readings, g: SensorGroup) -> Float[Array, "n 1"]:

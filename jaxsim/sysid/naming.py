@@ -14,6 +14,7 @@ import jax
 import numpy as np
 
 from jaxsim.model import Model
+from jaxsim.model.structure import ACTUATOR_ROWS
 from jaxsim.sysid.errors import SysidError
 
 _NAME = re.compile(r"(?P<field>(opt\.)?\w+)(\[(?P<inside>[^\]]*)\])?")
@@ -144,6 +145,9 @@ def _indices(model: Model, field: str, array: jax.Array, i: int) -> np.ndarray:
     elif field.startswith("qpos"):
         ends = [*model.jnt_qposadr, model.nq]
         rows = np.arange(ends[i], ends[i + 1])
+    elif field in ACTUATOR_ROWS:
+        owner = np.repeat(np.arange(model.nactuator), getattr(model, ACTUATOR_ROWS[field]))
+        (rows,) = np.nonzero(owner == i)
     grid = np.stack(np.meshgrid(rows, *map(np.arange, array.shape[1:]), indexing="ij"), axis=-1)
     return grid[0] if len(rows) == 1 else grid
 

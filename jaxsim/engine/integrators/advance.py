@@ -9,9 +9,10 @@ from jaxsim.arrays.running_sum import add_rounding_up
 from jaxsim.engine.instant import Instant
 from jaxsim.engine.integrators.integrator import Step
 from jaxsim.engine.status import Status
-from jaxsim.forces.activation import next_activation, stateful_actuators
-from jaxsim.forces.actuation import disabled_actuators
-from jaxsim.forces.servo import wrap_setpoint
+from jaxsim.forces.activation import next_activation
+from jaxsim.forces.actuation import Paths, disabled_actuators
+from jaxsim.forces.orientation import canonical_setpoints
+from jaxsim.forces.servo import integrated_setpoints, nearest_setpoint
 from jaxsim.joints.coordinates import integrate_pos
 from jaxsim.model import Model, State
 
@@ -28,7 +29,7 @@ def semi_implicit(model: Model, state: State, now: Instant, qacc: Float[Array, "
       qacc: acceleration of the step.
     """
     acting = now.actuation
-    after = advance(model, state, qacc, acting.act_dot, acting.actuator_length)
+    after = advance(model, state, qacc, acting.act_dot, acting.paths)
     return Step(after, state, now.qacc, Status.of(now.constrained))
 
 
@@ -37,7 +38,7 @@ def advance(
     state: State,
     qacc: Float[Array, "nv"],
     act_dot: Float[Array, "na"],
-    actuator_length: Float[Array, "nu"],
+    paths: Paths,
     qvel: Float[Array, "nv"] | None = None,
 ) -> State:
     """The state after a time step with constant rates.
@@ -47,7 +48,7 @@ def advance(
       state: the state.
       qacc: rate of the velocities.
       act_dot: rates of the activations.
-      actuator_length: lengths of the actuators; setpoints of rotation servos stay near them.
+      paths: lengths of the actuators, near which setpoints of rotation servos stay, and rates.
       qvel: velocity with which positions advance; None for the velocity after the step.
     """
     h = model.opt.timestep
@@ -56,7 +57,7 @@ def advance(
     return state.replace(
         qpos=integrate_pos(model, state.qpos, after if qvel is None else qvel, h),
         qvel=after,
-        act=next_activations(model, state.act, act_dot, actuator_length),
+        act=next_activations(model, state.act, act_dot, paths),
         time=time,
         time_excess=excess,
     )
@@ -66,13 +67,16 @@ def next_activations(
     model: Model,
     act: Float[Array, "na"],
     act_dot: Float[Array, "na"],
-    actuator_length: Float[Array, "nu"],
+    paths: Paths,
 ) -> Float[Array, "na"]:
     """Next activations; constant for disabled actuators, wrapped for servos of rotations."""
-    ids = stateful_actuators(model)
-    if not len(ids) or model.opt.disabled(_ACTUATION):
+    if not model.na or model.opt.disabled(_ACTUATION):
         return act
-    rate = jnp.where(disabled_actuators(model)[ids], 0, act_dot)
-    after = next_activation(model, act, rate, model.opt.timestep)
-    spread = actuator_length.at[ids].set(after)
-    return take(wrap_setpoint(model, spread, actuator_length), ids)
+    length, velocity = paths
+    rate = jnp.where(disabled_actuators(model)[model.structure.act_actuator], 0, act_dot)
+    after = next_activation(model, act, rate, velocity, model.opt.timestep)
+    if len(ids := integrated_setpoints(model)):
+        rows, near = model.actuator_actadr[ids], take(length, model.actuator_outadr[ids])
+        wrapped = nearest_setpoint(model, ids, take(after, rows), near)
+        after = after.at[rows].set(wrapped, unique_indices=True)
+    return canonical_setpoints(model, after)

@@ -23,5 +23,5 @@ def integrate(model: Model, state: State, evaluate: Evaluate) -> Step:
     if now.constrained.displacement is not None:
         rate = rate + now.constrained.displacement / h
     acting = now.actuation
-    after = advance(model, middle, now.qacc, acting.act_dot, acting.actuator_length, rate)
+    after = advance(model, middle, now.qacc, acting.act_dot, acting.paths, rate)
     return Step(after, state, now.qacc, Status.of(now.constrained))

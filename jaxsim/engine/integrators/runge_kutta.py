@@ -43,16 +43,16 @@ def integrate(model: Model, state: State, evaluate: Evaluate) -> Step:
         derivative = _derivative(model, at, then, theta)
         total = jax.tree.map(lambda a, b: a + weight * b, total, derivative)
         status = status.then(Status.of(then.constrained))
-        return (derivative, total, then.actuation.actuator_length, at, status), None
+        return (derivative, total, then.actuation.paths, at, status), None
 
     # One loop body for all stages keeps the program small; the first stage has offset zero.
     start = (jnp.zeros_like(state.qvel), state.qacc_warmstart, jnp.zeros_like(state.act))
-    length = jnp.zeros(model.nu, dtype)
-    carry = (start, jax.tree.map(jnp.zeros_like, start), length, state, Status.empty(dtype))
+    paths = (jnp.zeros(model.nout, dtype), jnp.zeros(model.nout, dtype))
+    carry = (start, jax.tree.map(jnp.zeros_like, start), paths, state, Status.empty(dtype))
     found, _ = lax.scan(stage, carry, jnp.asarray(_TABLEAU, dtype))
-    (_, qacc, _), total, length, last, status = found
+    (_, qacc, _), total, paths, last, status = found
     mean_rate, mean_qacc, mean_act_dot = jax.tree.map(lambda x: x / 6, total)
-    after = advance(model, state, mean_qacc, mean_act_dot, length, mean_rate)
+    after = advance(model, state, mean_qacc, mean_act_dot, paths, mean_rate)
     return Step(after, last, qacc, status)
 
 

@@ -206,7 +206,10 @@ class Browser:
     def _add_actuator(self, index: int) -> None:
         limited = self._model.actuator_ctrllimited[index]
         low, high = self._model.actuator_ctrlrange[index].tolist() if limited else (-1.0, 1.0)
-        name = self._model.actuator(index).name or f"actuator {index}"
+        actuator = int(np.searchsorted(self._model.actuator_ctrladr, index, side="right")) - 1
+        name = self._model.actuator(actuator).name or f"actuator {actuator}"
+        if self._model.actuator_ctrlnum[actuator] > 1:
+            name = f"{name}, control {index}"
         middle = min(max(0.0, low), high)
         slider = self._server.gui.add_slider(name, low, high, (high - low) / 200, middle)
 

@@ -89,5 +89,5 @@ def test_an_exact_filter_reaches_the_closed_form():
         <general joint="a" dyntype="integrator" actrange="0 .3"/></actuator></mujoco>"""
     )
     act = jnp.asarray([0.2, 0.25])
-    after = next_activation(model, act, jnp.asarray([(1 - 0.2) / 0.05, 9.0]), 0.04)
+    after = next_activation(model, act, jnp.asarray([(1 - 0.2) / 0.05, 9.0]), jnp.zeros(2), 0.04)
     np.testing.assert_allclose(after, [1 - 0.8 * np.exp(-0.8), 0.3], rtol=1e-12)
