@@ -27,6 +27,8 @@ from jaxsim.constraint.laws import (
     blurred,
     contact_material,
 )
+from jaxsim.constraint.laws.mujoco import ELLIPTIC
+from jaxsim.constraint.row_inertia import contact_inertia
 from jaxsim.dynamics.motion import Motion
 from jaxsim.model import Model, Option
 
@@ -89,12 +91,15 @@ def _block(
     dist = contact.dist
     if motion.ahead is not None:  # at the beginning of the step
         dist = dist - motion.ahead * velocity[:, 0]
+    pyramidal = model.contact == "mujoco" and kind.condim > 1 and model.opt.cone != ELLIPTIC
     state = ContactState(
         dist=dist,
         includemargin=contact.includemargin,
         rounding=_rounding(contact.pos),
         velocity=velocity,
-        inverse_weight=(first + second)[:, 0],
+        inverse_weight=contact_inertia(
+            motion, jacobian, (first + second)[:, 0], contact.friction if pyramidal else None
+        ),
         friction=contact.friction,
         solref=contact.solref,
         solreffriction=contact.solreffriction,

@@ -11,6 +11,7 @@ from jaxsim.constraint.block import Block, RowType
 from jaxsim.constraint.impedance import inverse_where, response
 from jaxsim.constraint.jacobian import DenseRows, link_rows, moves_anything, row_velocity
 from jaxsim.constraint.points import Ends, bias_acceleration, ends, twist_rows
+from jaxsim.constraint.row_inertia import row_inertia
 from jaxsim.dynamics.motion import Motion
 from jaxsim.dynamics.tendons.tendon import tendon_jacobian
 from jaxsim.model.dof_order import to_tree_order
@@ -131,6 +132,7 @@ def _block(motion: Motion, ids, jacobian, violation, bias, weight, type_: RowTyp
     """A block; the rows of one constraint share an impedance, a function of the error's norm."""
     model = motion.model
     velocity = row_velocity(motion, jacobian)
+    weight = row_inertia(motion, jacobian, weight)
 
     def one(solref, solimp, violation, velocity, weight):
         r = response(model.opt, solref, solimp, safe_norm(violation))
@@ -195,7 +197,7 @@ def _polynomial(motion: Motion, ids, value, J, weight, type_: RowType) -> Block:
         r = response(model.opt, solref, solimp, violation)
         return r.reference(velocity, violation), r.regularisation(weight)
 
-    weights = weight[0] + paired * weight[1]
+    weights = row_inertia(motion, jacobian, weight[0] + paired * weight[1])
     inputs = take(model.eq_solref, ids), take(model.eq_solimp, ids), violation, velocity, weights
     aref, R = jax.vmap(row)(*inputs)
     D = inverse_where(moves_anything(rows), R)

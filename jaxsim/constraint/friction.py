@@ -9,6 +9,7 @@ from jaxsim.arrays.indexing import take
 from jaxsim.constraint.block import Block, RowType
 from jaxsim.constraint.impedance import response
 from jaxsim.constraint.jacobian import DenseRows, DofRows, row_velocity
+from jaxsim.constraint.row_inertia import row_inertia
 from jaxsim.dynamics.motion import Motion
 from jaxsim.dynamics.tendons.tendon import tendon_jacobian
 from jaxsim.model.dof_order import to_tree_order
@@ -57,6 +58,7 @@ def _block(motion: Motion, jacobian, ids: np.ndarray, parameters, type_: RowType
         return -r.damping * velocity, r.regularisation(weight)
 
     solref, solimp, weight, floss = (take(p, ids) for p in parameters)
+    weight = row_inertia(motion, jacobian, weight)
     aref, R = jax.vmap(row)(velocity, solref, solimp, weight)
     kind = Huber(aref=aref, D=1 / R, floss=floss)
     return Block(kind, jacobian, type_, tuple(ids.tolist()), weight=weight)

@@ -13,6 +13,7 @@ from jaxsim.constraint.block import Block, RowType
 from jaxsim.constraint.entry import entry
 from jaxsim.constraint.impedance import inverse_where, response
 from jaxsim.constraint.jacobian import DenseRows, DofRows, moves_anything, row_velocity
+from jaxsim.constraint.row_inertia import row_inertia
 from jaxsim.dynamics.motion import Motion
 from jaxsim.dynamics.tendons.tendon import tendon_jacobian
 from jaxsim.joints import JOINTS
@@ -108,6 +109,7 @@ def _block(
     """A block; rows are active where `violation` is negative and `movable`."""
     opt, velocity = motion.model.opt, row_velocity(motion, jacobian)
     solref, solimp, weight = parameters
+    weight = row_inertia(motion, jacobian, weight)
 
     def row(active, violation, velocity, solref, solimp, weight):
         r = response(opt, solref, solimp, violation)
@@ -116,7 +118,7 @@ def _block(
 
     def cost(violation):
         active = (violation < 0) & movable
-        aref, D = jax.vmap(row)(active, violation, velocity, *parameters)
+        aref, D = jax.vmap(row)(active, violation, velocity, solref, solimp, weight)
         return Unilateral(aref=aref, D=D)
 
     block = Block(cost(violation), jacobian, type_, tuple(ids.tolist()), violation)

@@ -23,6 +23,7 @@ from jaxsim.constraint.laws import ON_VELOCITIES, RIGID, Blur, check_law
 from jaxsim.constraint.limit import limit_blocks
 from jaxsim.constraint.noslip import PASSES, without_slip
 from jaxsim.constraint.operators import TreeOperator, make_operator
+from jaxsim.constraint.row_inertia import with_inverse_mass
 from jaxsim.dynamics.motion import Motion
 from jaxsim.dynamics.tendons.inertia import has_tendon_inertia
 from jaxsim.forces.damper import damps_dofs, dof_damping_slope
@@ -73,6 +74,7 @@ def constraint_blocks(motion: Motion, contact: Contact, blur: Blur | None = None
     """All constraint rows, in MuJoCo's order; those of contacts may be blurred."""
     if motion.model.opt.disabled(_CONSTRAINT_OFF) or motion.model.nv == 0:
         return []
+    motion = with_inverse_mass(motion)
     blocks = [*equality_blocks(motion), *friction_blocks(motion), *limit_blocks(motion)]
     if not motion.model.opt.disabled(_CONTACT_OFF):
         blocks += contact_blocks(motion, contact, blur)

@@ -20,6 +20,7 @@ class Motion:
       kin: poses, motion axes and inertias of the links.
       vel: twists of the links, and their accelerations without `qacc`.
       ahead: time by which the position is later than the velocity (s); None for the same time.
+      inverse_mass: inverse of the mass matrix, tree order; None where nothing needs it.
     """
 
     model: Model
@@ -28,6 +29,7 @@ class Motion:
     kin: Kinematics
     vel: Velocities
     ahead: Float[Array, ""] | None = None
+    inverse_mass: Float[Array, "nv nv"] | None = None
 
     def link_origins(self) -> Float[Array, "njnt 3"]:
         """The reference point of each link's tree."""

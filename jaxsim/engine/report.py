@@ -1,16 +1,19 @@
 """`forward` and `inverse`: all quantities at one instant, with MuJoCo's names."""
 
 import jax.numpy as jnp
+import mujoco
 from flax import struct
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxsim.arrays.precision import full_precision
 from jaxsim.arrays.whole import as_a_whole
 from jaxsim.constraint import Constrained, constrained_at
+from jaxsim.constraint.laws import ON_VELOCITIES
 from jaxsim.dynamics.aba import solve_mass
 from jaxsim.dynamics.crba import composite_mass_matrix
 from jaxsim.dynamics.motion import motion_of
 from jaxsim.dynamics.rnea import inertial_force, qfrc_bias
+from jaxsim.engine.continuous import instant_acceleration
 from jaxsim.engine.instant import Instant
 from jaxsim.engine.readout import read_sensors
 from jaxsim.engine.status import Status
@@ -18,6 +21,8 @@ from jaxsim.engine.stepping import contacts, evaluate, forces
 from jaxsim.model import Model, State
 from jaxsim.model.inputs import admit, admit_array
 from jaxsim.quantities.energy import kinetic_energy, potential_energy
+
+_INVDISCRETE = mujoco.mjtEnableBit.mjENBL_INVDISCRETE
 
 
 @struct.dataclass
@@ -144,28 +149,42 @@ def report(now: Instant, state: State) -> Forward:
 
 
 @full_precision
-def inverse(model: Model, state: State, qacc: Float[Array, "nv"]) -> Float[Array, "nv"]:
+def inverse(
+    model: Model,
+    state: State,
+    qacc: Float[Array, "nv"],
+    ctrl: Float[Array, "nu"] | None = None,
+) -> Float[Array, "nv"]:
     """Forces that produce an acceleration, with constraints, as MuJoCo's `mj_inverse`.
 
     They are `M qacc + qfrc_bias - qfrc_passive - J^T f(qacc)`, where the constraint forces f need
     no solve, as the acceleration is known. For the acceleration of `forward`, they equal the
-    applied and actuator forces.
+    applied and actuator forces. With the flag `invdiscrete` they do so for the acceleration of a
+    time step, the change of the velocity divided by the timestep.
 
     Args:
       model: the model.
       state: the state.
       qacc: acceleration.
+      ctrl: controls; None means zeros. Results depend on them only with `invdiscrete` and an
+        implicit integrator, by the slopes of actuator forces.
 
     Raises:
       TypeError: an argument, or the numbers in an array, are of the wrong type.
       ValueError: an array has the wrong shape.
+      ModelError: the model has `invdiscrete` and integrator RK4.
     """
-    model, state, _ = admit(model, state)
+    model, state, ctrl = admit(model, state, ctrl)
     qacc = admit_array(model, qacc, (model.nv,), "qacc")
     motion = motion_of(model, state)
     kin, vel = motion.kin, motion.vel
-    passive, _ = forces(motion, state, None)
-    found = constrained_at(motion, contacts(motion), qacc)
+    touching = contacts(motion)
+    passive, actuators = forces(motion, state, ctrl, touching)
+    # Laws on velocities are functions of the acceleration of the step.
+    on_step = qacc
+    if model.opt.enabled(_INVDISCRETE):
+        qacc = instant_acceleration(motion, actuators, qacc)
+    found = constrained_at(motion, touching, on_step if model.contact in ON_VELOCITIES else qacc)
     needed = inertial_force(model, kin, vel, qacc)
     return needed - passive.qfrc_passive - found.qfrc_constraint
 

@@ -3,6 +3,8 @@
 As in MuJoCo's integrator `implicitfast`, which ignores that derivative for all other joints.
 """
 
+from collections.abc import Iterator
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -40,20 +42,46 @@ def solve_free_bodies(
     Returns:
       Accelerations, those of all other joints unchanged.
     """
+    for lone, dofs, matrix in _systems(model, kin, qvel, damping):
+        qacc = _replaced(qacc, lone, dofs, jax.vmap(solve)(matrix, force[dofs]))
+    return qacc
+
+
+def multiply_free_bodies(
+    model: Model,
+    kin: Kinematics,
+    qvel: Float[Array, "nv"],
+    damping: Damping,
+    qacc: Float[Array, "nv"],
+    force: Float[Array, "nv"],
+) -> Float[Array, "nv"]:
+    """Replace the forces on single free bodies by `(M + h D + h dbias/dv) qacc`.
+
+    The inverse of `solve_free_bodies`, with the same arguments.
+    """
+    for lone, dofs, matrix in _systems(model, kin, qvel, damping):
+        force = _replaced(force, lone, dofs, jax.vmap(jnp.matmul)(matrix, qacc[dofs]))
+    return force
+
+
+def _replaced(x, lone, dofs, value) -> Float[Array, "nv"]:
+    return x.at[dofs].set(jnp.where(lone[:, None], value, x[dofs]))
+
+
+def _systems(model: Model, kin: Kinematics, qvel, damping: Damping) -> Iterator[tuple]:
+    """For each type of joint, which bodies are alone, their degrees of freedom and matrices."""
     links = _candidates(model)
     for kind in np.unique(model.tree.kind[links]):
         some = links[model.tree.kind[links] == kind]
-        solved = _solve(model, kin, JOINTS[int(kind)], some, qvel, damping, force)
         joints = model.tree.order[some]
         bodies, dofs = model.jnt_bodyid[joints], _dofs(JOINTS[int(kind)], model.jnt_dofadr[joints])
         # A body that carries others is left out; as in MuJoCo, these are found by their mass.
         lone = take(model.body_subtreemass, bodies) == take(model.body_mass, bodies)
-        qacc = qacc.at[dofs].set(jnp.where(lone[:, None], solved, qacc[dofs]))
-    return qacc
+        yield lone, dofs, _matrices(model, kin, JOINTS[int(kind)], some, qvel, damping)
 
 
-def _solve(model: Model, kin: Kinematics, joint: Joint, links: np.ndarray, qvel, damping, force):
-    """(n, joint.nv) accelerations of n links with the same type of joint."""
+def _matrices(model: Model, kin: Kinematics, joint: Joint, links: np.ndarray, qvel, damping):
+    """(n, joint.nv, joint.nv) `M + h D + h dbias/dv` of n links with the same type of joint."""
     h = model.opt.timestep
     dofs = _dofs(joint, model.jnt_dofadr[model.tree.order[links]])
     extra = damping.dense
@@ -67,7 +95,7 @@ def _solve(model: Model, kin: Kinematics, joint: Joint, links: np.ndarray, qvel,
     def one(dof, axes, inertia, drag):
         bias = jax.jacfwd(lambda v: _bias(joint, inertia, axes, v))(qvel[dof])
         matrix = axes @ (inertia.as_matrix() + h * drag) @ axes.T + jnp.diag(diagonal[dof])
-        return solve(matrix + h * bias + extra[dof][:, dof], force[dof])
+        return matrix + h * bias + extra[dof][:, dof]
 
     axes = take(kin.cdof, _dofs(joint, model.tree.dof_start[links]).ravel())
     inertia = jax.tree.map(lambda a: take(a, links), kin.inertia)

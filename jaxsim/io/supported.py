@@ -19,7 +19,7 @@ from jaxsim.model.names import Label
 from jaxsim.model.problems import ModelProblem, rows
 from jaxsim.sensor import SENSORS
 
-_ENABLE_FLAGS = "OVERRIDE ENERGY FWDINV SLEEP"
+_ENABLE_FLAGS = "OVERRIDE ENERGY FWDINV INVDISCRETE SLEEP DIAGEXACT"
 # MJCF's names that differ from MuJoCo's names of constants.
 _MJCF_NAMES = {
     "geomdist": "distance",

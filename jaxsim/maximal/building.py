@@ -12,6 +12,7 @@ from jaxsim.model.enums import constant_name
 from jaxsim.model.errors import expect
 
 _EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
+_DIAGEXACT = mujoco.mjtEnableBit.mjENBL_DIAGEXACT
 _MATERIAL = "geom_stiffness", "geom_relaxation", "geom_restitution"
 
 
@@ -54,6 +55,8 @@ def _check(model: Model) -> None:
         problems.append(f"integrator {constant_name('mjtIntegrator', model.opt.integrator)!r}")
     if model.opt.noslip_iterations:
         problems.append("noslip_iterations")
+    if model.opt.enabled(_DIAGEXACT):
+        problems.append("the flag diagexact")
     if has_tendon_inertia(model):
         problems.append("armature of tendons")
     if model.backward != EXACT:
