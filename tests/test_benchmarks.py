@@ -324,10 +324,10 @@ def test_environments_are_stepped(way, benchmark_module):
 def test_coverage_counts_what_loads_and_why_not(tmp_path):
     """A model, one with what is not supported, one that MuJoCo refuses, one without joints."""
     body = '<body><freejoint/><geom size=".1"/></body>'
-    flag = '<option><flag ipc="enable"/></option>'
+    option = '<option integrator="discrete"/>'
     files = {
         "good": f"<mujoco><worldbody>{body}</worldbody></mujoco>",
-        "flag": f"<mujoco>{flag}<worldbody>{body}</worldbody></mujoco>",
+        "option": f"<mujoco>{option}<worldbody>{body}</worldbody></mujoco>",
         "broken": "<mujoco><worldbody>",
         "still": "<mujoco/>",
     }
@@ -338,4 +338,4 @@ def test_coverage_counts_what_loads_and_why_not(tmp_path):
     assert found["summary"]["models"] == 2
     assert found["summary"]["load"] == 1
     assert [(r["files"], r["alone"]) for r in found["reasons"]] == [(1, 1)]
-    assert "ipc" in found["reasons"][0]["reason"]
+    assert "integrator" in found["reasons"][0]["reason"]

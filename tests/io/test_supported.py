@@ -25,7 +25,7 @@ BASE = """<mujoco>{options}
 </mujoco>"""
 
 OPTIONS = {
-    '<option><flag ipc="enable"/></option>': "option flag: ipc .* disable it",
+    '<option integrator="discrete"/>': "option: integrator 'discrete' .* euler, rk4",
 }
 
 GEOMS = {
@@ -100,12 +100,12 @@ def test_flags_of_a_later_mujoco_are_refused_by_number():
 
 def test_all_reasons_are_listed_and_equal_ones_once():
     rest = "".join(f'<user name="u{i}" dim="1"/>' for i in range(5))
-    options, rest = '<option><flag ipc="enable"/></option>', f"<sensor>{rest}</sensor>"
+    options, rest = '<option integrator="discrete"/>', f"<sensor>{rest}</sensor>"
     with pytest.raises(ModelError) as caught:
         load(_xml(options, 'adhesion="1"', rest))
-    flag, adhesion, user = caught.value.problems
+    integrator, adhesion, user = caught.value.problems
     assert str(caught.value).startswith("3 things in the model are wrong or not supported:\n- opt")
-    assert flag.startswith("option flag: ipc")
+    assert integrator.startswith("option: integrator")
     assert adhesion.startswith("geom 'ball': adhesion")
     assert user.startswith("sensor 'u0', sensor 'u1', sensor 'u2' and 2 more: type 'user'")
 
