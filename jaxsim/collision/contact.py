@@ -61,6 +61,8 @@ class Contact:
       overflow: upper bound on the number of contacts lost because of the limits on pairs and slots;
         0 means that no contact was lost.
       ranges: ranges of slots, one after the other, each of one kind.
+      adhesion: force by which the surfaces pull each other (N); None if the model has no adhesion.
+      gap: distance beyond the margin across which they do (m), zero without adhesion; or None.
     """
 
     dist: Float[Array, "nc"]
@@ -76,11 +78,17 @@ class Contact:
     pair: Int[Array, "nc"] | np.ndarray
     overflow: Int[Array, ""]
     ranges: tuple[SlotRange, ...] = struct.field(pytree_node=False)
+    adhesion: Float[Array, "nc"] | None = None
+    gap: Float[Array, "nc"] | None = None
 
     @property
     def active(self) -> Bool[Array, "nc"]:
-        """Whether each slot may have force: its distance is below the margin, whatever the gap."""
-        return self.dist < self.includemargin
+        """Whether each slot may have force: its distance is below the margin.
+
+        The gap counts only for adhesion.
+        """
+        reach = self.includemargin
+        return self.dist < (reach if self.gap is None else reach + self.gap)
 
     @property
     def condim(self) -> np.ndarray:

@@ -22,7 +22,7 @@ from jaxsim.collision.bounds import distance_bound
 from jaxsim.collision.candidates import Candidates, PairGroup
 from jaxsim.collision.contact import Contact
 from jaxsim.collision.evaluation import contacts_of_groups, join_ids, take_shapes
-from jaxsim.collision.parameters import contact_margin, contact_parameters, contact_reach
+from jaxsim.collision.parameters import adhesive_reach, contact_parameters, contact_reach
 from jaxsim.collision.selection import within_reach
 from jaxsim.collision.shapes import Contacts, Shape
 from jaxsim.collision.table import PAIRS
@@ -118,7 +118,7 @@ def _in_slots(
     """The contacts of pairs as slots, and `lost` with those for which a pair has no slot."""
     if contacts.others is not None:
         others, contacts = contacts.others, contacts.replace(others=None)
-        lost = lost + jnp.sum(others < contact_margin(model, *ids)[:, None])
+        lost = lost + jnp.sum(others < adhesive_reach(model, *ids)[:, None])
     frame = jax.vmap(lambda c: c.frame)(contacts)
 
     def of_slots(x):
@@ -130,9 +130,9 @@ def _in_slots(
 
 
 def _reach(model: Any, *ids: Index) -> Float[Array, "n"]:
-    """Distance below which a contact has a use; adhesion acts in the gap, too."""
+    """Distance below which a contact has a use; actuators and geoms pull in the gap, too."""
     adhesive = (model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_BODY)).any()
-    return (contact_reach if adhesive else contact_margin)(model, *ids)
+    return (contact_reach if adhesive else adhesive_reach)(model, *ids)
 
 
 def _distance_bounds(group: PairGroup, shapes: Shape) -> Float[Array, "n"]:

@@ -37,13 +37,15 @@ SURFACE_LEAVES = {f.name: f"geom_{f.name}" for f in dataclasses.fields(Surface)}
 
 @struct.dataclass
 class Parameters:
-    """The contact parameters of one contact, as in `mjContact`."""
+    """The contact parameters of one contact, as in `mjContact`; `gap` is that of `Contact`."""
 
     includemargin: Float[Array, ""]
     friction: Float[Array, "5"]
     solref: Float[Array, "2"]
     solreffriction: Float[Array, "2"]
     solimp: Float[Array, "5"]
+    adhesion: Float[Array, ""] | None = None
+    gap: Float[Array, ""] | None = None
 
 
 def contact_parameters(model: Any, geom1: Index, geom2: Index, pair: Index) -> Parameters:
@@ -70,6 +72,8 @@ def contact_parameters(model: Any, geom1: Index, geom2: Index, pair: Index) -> P
     values = _with_pairs(model, values, pair)
     if _overridden(model):
         values = _with_override(model, values)
+    if model.flg_adhesion:
+        values = _with_adhesion(model, values, geom1, geom2, pair)
     return values.replace(friction=jnp.maximum(values.friction, MINMU))
 
 
@@ -83,9 +87,16 @@ def contact_margin(model: Any, geom1: Index, geom2: Index, pair: Index) -> Float
 
 def contact_reach(model: Any, geom1: Index, geom2: Index, pair: Index) -> Float[Array, "n"]:
     """Distance below which MuJoCo lists contacts: margin and gap together."""
-    gap = gather(model.geom_gap, geom1) + gather(model.geom_gap, geom2)
-    gap = _choose(model, pair, model.pair_gap, gap)
-    return contact_margin(model, geom1, geom2, pair) + gap
+    return contact_margin(model, geom1, geom2, pair) + _gap(model, geom1, geom2, pair)
+
+
+def adhesive_reach(model: Any, geom1: Index, geom2: Index, pair: Index) -> Float[Array, "n"]:
+    """Distance below which contacts act: the margin, and with adhesion the gap, too."""
+    margin = contact_margin(model, geom1, geom2, pair)
+    if not model.flg_adhesion:
+        return margin
+    pulls = _adhesion(model, geom1, geom2, pair) != 0
+    return margin + jnp.where(pulls, _gap(model, geom1, geom2, pair), 0.0)
 
 
 def mix(
@@ -122,6 +133,24 @@ def mixing_weight(solmix1: Float[Array, ""], solmix2: Float[Array, ""]) -> Float
     regular = ~none1 & ~none2
     ratio = jnp.where(regular, solmix1, 1.0) / jnp.where(regular, solmix1 + solmix2, 1.0)
     return jnp.where(regular, ratio, jnp.where(none1 & none2, 0.5, jnp.where(none1, 0.0, 1.0)))
+
+
+def _gap(model: Any, geom1: Index, geom2: Index, pair: Index) -> Float[Array, "n"]:
+    gap = gather(model.geom_gap, geom1) + gather(model.geom_gap, geom2)
+    return _choose(model, pair, model.pair_gap, gap)
+
+
+def _adhesion(model: Any, geom1: Index, geom2: Index, pair: Index) -> Float[Array, "n"]:
+    """The sum of the geoms' adhesion, that of the geom of higher priority, or the pair's."""
+    first, second = (gather(model.geom_adhesion, geom) for geom in (geom1, geom2))
+    above = jnp.sign(gather(model.geom_priority, geom1) - gather(model.geom_priority, geom2))
+    total = jnp.where(above >= 0, first, 0) + jnp.where(above <= 0, second, 0)
+    return _choose(model, pair, model.pair_adhesion, total)
+
+
+def _with_adhesion(model: Any, values: Parameters, *ids: Index) -> Parameters:
+    adhesion = _adhesion(model, *ids)
+    return values.replace(adhesion=adhesion, gap=jnp.where(adhesion != 0, _gap(model, *ids), 0.0))
 
 
 def _surfaces(model: Any, geom: Index) -> Surface:

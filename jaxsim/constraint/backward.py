@@ -23,6 +23,8 @@ def check_backward(model: Model) -> None:
         return
     if model.contact != "mujoco":
         raise ModelError(f"{model.backward} needs contact='mujoco', not {model.contact!r}")
+    if model.flg_adhesion:
+        raise ModelError(f"{model.backward} does not combine with adhesion of geoms or pairs")
     if model.backward.entry_time and model.opt.integrator == _RK4:
         raise ModelError("entry_time needs an integrator with one evaluation a step, not RK4")
 

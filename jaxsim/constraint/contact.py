@@ -30,7 +30,7 @@ from jaxsim.constraint.laws import (
 from jaxsim.constraint.laws.mujoco import ELLIPTIC
 from jaxsim.constraint.row_inertia import contact_inertia
 from jaxsim.dynamics.motion import Motion
-from jaxsim.model import Model, Option
+from jaxsim.model import Model, ModelError, Option
 
 # Bound on the rounding error of a distance, in units of rounding of positions in metres.
 _UNITS = 4
@@ -45,6 +45,8 @@ def contact_blocks(motion: Motion, contact: Contact, blur: Blur | None = None) -
       blur: how much the law of contact is smoothed; None for the law itself.
     """
     sharp = LAWS[motion.model.contact]
+    if blur is not None and contact.adhesion is not None:
+        raise ModelError("smoothed contacts do not combine with adhesion of geoms or pairs")
     law = sharp if blur is None else blurred(sharp, blur)
     ranges = [r for r in contact.ranges if r.stop > r.start]
     return [_block(motion, _slots(contact, r.slots), r.kind, law) for r in ranges]
@@ -55,6 +57,8 @@ def contact_forces(
 ) -> Float[Array, "nc 6"]:
     """(force, torque) on geom2 of each contact, in the contact frame, as `mj_contactForce`.
 
+    Adhesion pulls it towards geom1.
+
     Args:
       contact: the contacts.
       blocks: all constraint rows.
@@ -64,7 +68,10 @@ def contact_forces(
     rows = [force for block, force in pairs if block.type is RowType.CONTACT]
     if not rows:
         return jnp.zeros((contact.dist.shape[0], 6), contact.dist.dtype)
-    return jnp.concatenate([jnp.pad(f, ((0, 0), (0, 6 - f.shape[1]))) for f in rows])
+    total = jnp.concatenate([jnp.pad(f, ((0, 0), (0, 6 - f.shape[1]))) for f in rows])
+    if contact.adhesion is None:
+        return total
+    return total.at[:, 0].add(-jnp.where(contact.active, contact.adhesion, 0.0))
 
 
 def _slots(contact: Contact, slots: slice) -> Contact:
@@ -72,6 +79,8 @@ def _slots(contact: Contact, slots: slice) -> Contact:
     fields = (
         "dist pos frame includemargin friction solref solreffriction solimp geom1 geom2".split()
     )
+    if contact.adhesion is not None:
+        fields += ["adhesion", "gap"]
     return contact.replace(**{name: getattr(contact, name)[slots] for name in fields})
 
 
@@ -91,19 +100,21 @@ def _block(
     dist = contact.dist
     if motion.ahead is not None:  # at the beginning of the step
         dist = dist - motion.ahead * velocity[:, 0]
-    pyramidal = model.contact == "mujoco" and kind.condim > 1 and model.opt.cone != ELLIPTIC
+    friction = None
+    if model.contact == "mujoco" and kind.condim > 1 and model.opt.cone != ELLIPTIC:
+        friction = _sliding(contact)
     state = ContactState(
         dist=dist,
         includemargin=contact.includemargin,
         rounding=_rounding(contact.pos),
         velocity=velocity,
-        inverse_weight=contact_inertia(
-            motion, jacobian, (first + second)[:, 0], contact.friction if pyramidal else None
-        ),
+        inverse_weight=contact_inertia(motion, jacobian, (first + second)[:, 0], friction),
         friction=contact.friction,
         solref=contact.solref,
         solreffriction=contact.solreffriction,
         solimp=contact.solimp,
+        adhesion=contact.adhesion,
+        gap=contact.gap,
         material=None if model.contact == "mujoco" else _material(model, contact),
     )
     cost = jax.vmap(lambda c: law(model.opt, c))
@@ -129,6 +140,14 @@ def _entry(opt: Option, state: ContactState, cost) -> Entry:
     at = lambda violation: cost(bare.replace(dist=violation))  # noqa: E731
     normal = jax.vmap(functools.partial(response, opt))(state.solref, state.solimp, violation)
     return entry(opt.timestep, violation, velocity, at, normal, state.inverse_weight)
+
+
+def _sliding(contact: Contact) -> Float[Array, "n 5"]:
+    """Friction coefficients; zero where surfaces pull each other across a gap."""
+    if contact.adhesion is None:
+        return contact.friction
+    touches = contact.dist < contact.includemargin
+    return jnp.where(touches[:, None], contact.friction, 0.0)
 
 
 def _rounding(pos: Float[Array, "n 3"]) -> Float[Array, "n"]:

@@ -57,6 +57,7 @@ class ForwardDetails(Forward, ConstraintRows):
       qfrc_damper: forces of dampers.
       qfrc_gravcomp: gravity compensation, that of actuators included.
       qfrc_fluid: drag.
+      qfrc_adhesion: pull of surfaces that adhere.
       efc_type: numbers of `mujoco.mjtConstraint`.
       efc_id: equality, degree of freedom, joint, tendon or slot of the contact.
       efc_J: Jacobian.
@@ -92,6 +93,7 @@ class ForwardDetails(Forward, ConstraintRows):
     qfrc_damper: Float[Array, "nv"]
     qfrc_gravcomp: Float[Array, "nv"]
     qfrc_fluid: Float[Array, "nv"]
+    qfrc_adhesion: Float[Array, "nv"]
 
 
 @full_precision
@@ -140,7 +142,7 @@ def _frames(now: Instant, state: State) -> dict[str, Any]:
 
 def _passive(now: Instant) -> dict[str, Any]:
     """The parts of the passive force."""
-    names = ("qfrc_spring", "qfrc_damper", "qfrc_gravcomp", "qfrc_fluid")
+    names = "qfrc_spring qfrc_damper qfrc_gravcomp qfrc_fluid qfrc_adhesion".split()
     return {name: getattr(now.passive, name) for name in names}
 
 

@@ -147,7 +147,7 @@ def forces(
 ) -> tuple[PassiveForces, Actuation]:
     """Passive forces and the state of the actuators."""
     model, kin = motion.model, motion.kin
-    passive = passive_forces(model, kin, motion.vel, state.qpos, state.qvel)
+    passive = passive_forces(model, kin, motion.vel, state.qpos, state.qvel, contact)
     actuators = actuation(
         model, kin, state.qpos, state.qvel, state.act, ctrl, passive.qfrc_gravcomp, contact
     )

@@ -1,7 +1,8 @@
-"""Adhesion: actuators of bodies that pull them to whatever they touch."""
+"""Adhesion: surfaces that stick, and actuators of bodies that pull them to what they touch."""
 
 import jax
 import jax.numpy as jnp
+import mujoco
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -13,6 +14,9 @@ from jaxsim.dynamics.rnea import generalized_force, wrench_on_links
 from jaxsim.dynamics.transmission import BODY, Transmission, scalar_outputs
 from jaxsim.forces.external import contact_wrench
 from jaxsim.model import Model
+
+_SPRING = mujoco.mjtDisableBit.mjDSBL_SPRING
+_DAMPER = mujoco.mjtDisableBit.mjDSBL_DAMPER
 
 
 def adhesive_bodies(model: Model) -> np.ndarray:
@@ -49,7 +53,27 @@ def _moment(model: Model, kin: Kinematics, contact: Contact, body) -> Float[Arra
     counted = (contact.dist < contact_reach(model, *pair)) & sum(b == body for b in bodies).astype(
         bool
     )
-    share = counted / jnp.maximum(counted.sum(), 1)
-    force = jnp.zeros((len(share), 6), contact.dist.dtype).at[:, 0].set(-share)
+    return _pull(model, kin, contact, counted / jnp.maximum(counted.sum(), 1))
+
+
+def qfrc_adhesion(model: Model, kin: Kinematics, contact: Contact | None) -> Float[Array, "nv"]:
+    """Generalised force of surfaces that pull each other along the normals of their contacts.
+
+    It is a passive force: disabling both springs and dampers disables it, too.
+
+    Args:
+      model: the model.
+      kin: its kinematics.
+      contact: the contacts; None for none.
+    """
+    off = model.opt.disabled(_SPRING) and model.opt.disabled(_DAMPER)
+    if off or contact is None or contact.adhesion is None:
+        return jnp.zeros_like(model.dof_damping)
+    return _pull(model, kin, contact, jnp.where(contact.active, contact.adhesion, 0.0))
+
+
+def _pull(model: Model, kin: Kinematics, contact: Contact, size: Float[Array, "nc"]):
+    """Generalised force of pulls of these sizes (N) at the contacts."""
+    force = jnp.zeros((len(size), 6), contact.dist.dtype).at[:, 0].set(-size)
     wrench = contact_wrench(model, kin, contact, force)
     return generalized_force(model, kin, wrench_on_links(model, kin, wrench, kin.xipos))

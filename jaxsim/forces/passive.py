@@ -1,12 +1,14 @@
-"""Passive forces: springs, dampers, gravity compensation and drag."""
+"""Passive forces: springs, dampers, gravity compensation, drag and adhesion."""
 
 import jax.numpy as jnp
 import numpy as np
 from flax import struct
 from jaxtyping import Array, Float
 
+from jaxsim.collision import Contact
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.velocity import Velocities
+from jaxsim.forces.adhesion import qfrc_adhesion
 from jaxsim.forces.damper import qfrc_damper
 from jaxsim.forces.fluid import qfrc_fluid
 from jaxsim.forces.gravcomp import qfrc_gravcomp
@@ -23,6 +25,7 @@ class PassiveForces:
       qfrc_damper: dampers of joints, tendons and actuators.
       qfrc_gravcomp: all gravity compensation, including that exerted by actuators.
       qfrc_fluid: drag.
+      qfrc_adhesion: pull of surfaces that adhere.
       qfrc_passive: their sum, without gravity compensation exerted by actuators.
     """
 
@@ -30,6 +33,7 @@ class PassiveForces:
     qfrc_damper: Float[Array, "nv"]
     qfrc_gravcomp: Float[Array, "nv"]
     qfrc_fluid: Float[Array, "nv"]
+    qfrc_adhesion: Float[Array, "nv"]
     qfrc_passive: Float[Array, "nv"]
 
 
@@ -39,6 +43,7 @@ def passive_forces(
     vel: Velocities,
     qpos: Float[Array, "nq"],
     qvel: Float[Array, "nv"],
+    contact: Contact | None = None,
 ) -> PassiveForces:
     """All passive forces at one instant.
 
@@ -48,14 +53,17 @@ def passive_forces(
       vel: its link velocities.
       qpos: coordinates.
       qvel: velocities.
+      contact: the contacts, for adhesion; None for none.
     """
     spring, damper = qfrc_spring(model, kin, qpos), qfrc_damper(model, kin, qvel)
     gravcomp, fluid = qfrc_gravcomp(model, kin), qfrc_fluid(model, kin, vel)
+    adhesion = qfrc_adhesion(model, kin, contact)
     passive = ~np.asarray(model.jnt_actgravcomp, bool)[model.dof_jntid]
     return PassiveForces(
         qfrc_spring=spring,
         qfrc_damper=damper,
         qfrc_gravcomp=gravcomp,
         qfrc_fluid=fluid,
-        qfrc_passive=spring + damper + fluid + jnp.where(passive, gravcomp, 0),
+        qfrc_adhesion=adhesion,
+        qfrc_passive=spring + damper + fluid + adhesion + jnp.where(passive, gravcomp, 0),
     )

@@ -47,7 +47,7 @@ _MJCF_NAMES = {
 }
 _NOT_NEGATIVE = (
     *("body_mass", "body_inertia", "body_gravcomp", "dof_frictionloss", "tendon_frictionloss"),
-    *("geom_gap", "pair_gap"),
+    *("geom_gap", "pair_gap", "geom_adhesion", "pair_adhesion"),
 )
 
 

@@ -112,8 +112,6 @@ def _attributes(mj: mujoco.MjModel) -> tuple[tuple[str, str, np.ndarray, str], .
     remove = "remove the attribute"
     return (
         ("actuator", "delay", mj.actuator_delay, remove),
-        ("geom", "adhesion", mj.geom_adhesion, remove),
-        ("pair", "adhesion", mj.pair_adhesion, remove),
         ("sensor", "delay", mj.sensor_delay, remove),
         ("sensor", "interval", mj.sensor_interval, remove),
     )

@@ -122,6 +122,7 @@ class Model:
     geom_fluid: Float[Array, "ngeom 12"]
     geom_margin: Float[Array, "ngeom"]
     geom_gap: Float[Array, "ngeom"]
+    geom_adhesion: Float[Array, "ngeom"]
     geom_stiffness: Float[Array, "ngeom"]
     geom_relaxation: Float[Array, "ngeom"]
     geom_restitution: Float[Array, "ngeom"]
@@ -141,6 +142,7 @@ class Model:
     pair_solimp: Float[Array, "npair 5"]
     pair_margin: Float[Array, "npair"]
     pair_gap: Float[Array, "npair"]
+    pair_adhesion: Float[Array, "npair"]
     pair_friction: Float[Array, "npair 5"]
     eq_solref: Float[Array, "neq 2"]
     eq_solimp: Float[Array, "neq 5"]
@@ -199,6 +201,11 @@ class Model:
     def nonzero_rows(self, leaf: str) -> tuple[int, ...]:
         """Rows of a leaf in `presence.OPTIONAL_FORCES` that may be nonzero."""
         return self.present[OPTIONAL_FORCES.index(leaf)]
+
+    @property
+    def flg_adhesion(self) -> bool:
+        """Whether any geom or pair may have adhesion."""
+        return bool(self.nonzero_rows("geom_adhesion") or self.nonzero_rows("pair_adhesion"))
 
     @property
     def names(self) -> Names:

@@ -64,7 +64,7 @@ def _in_order(r: Readings) -> _Contacts:
     pairs = (c.geom1, c.geom2), (body1, body2)
     keys = [select(*pair) for pair in pairs for select in (xp.maximum, xp.minimum)]
     order = xp.lexsort(keys)
-    there = c.dist < c.includemargin
+    there = c.active
     parts = there, c.dist, c.pos, c.frame, r.signals.contact_force, c.geom1, c.geom2, body1, body2
     return _Contacts(*(gather(part, order) for part in parts))
 

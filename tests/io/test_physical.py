@@ -51,6 +51,7 @@ NEGATIVE = {
     "dof_frictionloss": "joint 'slide': frictionloss must not be negative",
     "body_gravcomp": "body 'slider': gravcomp must not be negative",
     "geom_gap": "geom 'end': gap must not be negative",
+    "geom_adhesion": "geom 'end': adhesion must not be negative",
     "pair_gap": "pair 'touch': gap must not be negative",
     "tendon_frictionloss": "tendon 'cable': frictionloss must not be negative",
 }

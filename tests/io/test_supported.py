@@ -28,10 +28,6 @@ OPTIONS = {
     '<option integrator="discrete"/>': "option: integrator 'discrete' .* euler, rk4",
 }
 
-GEOMS = {
-    'adhesion="1"': "geom 'ball': adhesion .* remove",
-}
-
 ELEMENTS = {
     '<actuator><general name="m" joint="hinge" dyntype="user" actdim="1"/></actuator>': (
         "actuator 'm': dyntype 'user' .* none, integrator, filter"
@@ -60,11 +56,6 @@ ELEMENTS = {
 @pytest.mark.parametrize("options", OPTIONS)
 def test_unsupported_option(options):
     _refused(_xml(options=options), OPTIONS[options])
-
-
-@pytest.mark.parametrize("geom", GEOMS)
-def test_unsupported_geom_attribute(geom):
-    _refused(_xml(geom=geom), GEOMS[geom])
 
 
 @pytest.mark.parametrize("element", ELEMENTS)
@@ -102,12 +93,12 @@ def test_all_reasons_are_listed_and_equal_ones_once():
     rest = "".join(f'<user name="u{i}" dim="1"/>' for i in range(5))
     options, rest = '<option integrator="discrete"/>', f"<sensor>{rest}</sensor>"
     with pytest.raises(ModelError) as caught:
-        load(_xml(options, 'adhesion="1"', rest))
-    integrator, adhesion, user = caught.value.problems
+        load(_xml(options, 'adhesion="-1"', rest))
+    integrator, user, adhesion = caught.value.problems
     assert str(caught.value).startswith("3 things in the model are wrong or not supported:\n- opt")
     assert integrator.startswith("option: integrator")
-    assert adhesion.startswith("geom 'ball': adhesion")
     assert user.startswith("sensor 'u0', sensor 'u1', sensor 'u2' and 2 more: type 'user'")
+    assert adhesion.startswith("geom 'ball': adhesion must not be negative")
 
 
 @pytest.mark.parametrize(

@@ -16,20 +16,24 @@ XML = """
   <option integrator="{integrator}"/>
   <worldbody>
     <body pos="0 0 1"><joint name="a" axis="0 1 0"/><geom size=".1 .2" type="capsule" pos=".3 0 0"/>
-      <body pos=".6 0 0"><joint name="b" axis="0 1 0"/><geom size=".1 .05 .2" type="box"/></body>
+      <body pos=".6 0 0"><joint name="b" axis="0 1 0"/>
+        <geom name="box" size=".1 .05 .2" type="box"/></body>
     </body>
   </worldbody>
   <tendon><fixed name="t"><joint joint="a" coef="1"/><joint joint="b" coef="-.5"/></fixed></tendon>
   <actuator><motor joint="a"/><motor tendon="t"/></actuator>
 </mujoco>
 """
-FLOOR = '<worldbody><geom type="plane" size="1 1 1" pos="0 0 .702"/>'
+FLOOR = """<contact><pair geom1="floor" geom2="box" gap=".2" adhesion="1"/></contact><worldbody>
+  <geom name="floor" type="plane" size="1 1 1" pos="0 0 .702"/>"""
 VALUES = {
     "opt.density": 900.0,
     "opt.viscosity": 0.7,
     "body_gravcomp": [0, 0.3, 0.6],
     "dof_frictionloss": [0.4, 0.2],
+    "geom_adhesion": [0.5, 0, 0],
     "geom_surfacevel": [[0.3, 0.2, 0, 0, 0, 1], [0] * 6, [0] * 6],
+    "pair_adhesion": [0.7],
     "tendon_armature": [0.6],
     "tendon_damping": [0.8],
     "tendon_dampingpoly": [[0.3, 0.1]],
@@ -71,9 +75,11 @@ def test_each_takes_effect_and_has_a_derivative(integrator, x64):
     # MuJoCo looks at some of them only where they were there when it compiled.
     text = XML.format(integrator=integrator).replace("<body ", '<body gravcomp="1" ')
     text = text.replace("<motor ", '<motor damping="1" ').replace("<worldbody>", FLOOR)
-    mj = mujoco.MjModel.from_xml_string(text.replace("<geom ", '<geom surfacevel="1 0 0" '))
+    mj = mujoco.MjModel.from_xml_string(
+        text.replace("<geom ", '<geom surfacevel="1 0 0" adhesion="1" ')
+    )
     mj.body_gravcomp[:], mj.actuator_damping[:], mj.opt.tolerance = 0, 0, 0
-    mj.geom_surfacevel[:] = 0
+    mj.geom_surfacevel[:], mj.geom_adhesion[:], mj.pair_adhesion[:] = 0, 0, 0
     model, plain = jaxsim.load(mj), velocity(mj)
     for name, numbers in VALUES.items():
         value = jnp.asarray(numbers, float)

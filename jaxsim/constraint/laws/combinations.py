@@ -27,5 +27,7 @@ def check_law(model: Model) -> None:
         )
     if model.opt.noslip_iterations:
         raise ModelError(f"{law} does not combine with noslip_iterations; set them to 0")
+    if model.flg_adhesion:
+        raise ModelError(f"{law} does not combine with adhesion of geoms or pairs; set it to 0")
     if model.opt.enabled(_OVERRIDE):
         raise ModelError(f"{law} does not combine with the flag 'override'; disable it")

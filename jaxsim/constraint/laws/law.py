@@ -28,6 +28,8 @@ class ContactState:
       solref: `solref` of the normal direction.
       solreffriction: `solref` of the friction directions; zeros mean that `solref` is used.
       solimp: `solimp` of all directions.
+      adhesion: force by which the surfaces pull (N); None if the model has no adhesion.
+      gap: distance beyond the margin across which they do (m), zero without adhesion; or None.
       material: stiffness, relaxation and restitution; None for the law "mujoco".
     """
 
@@ -40,6 +42,8 @@ class ContactState:
     solref: Float[Array, "2"]
     solreffriction: Float[Array, "2"]
     solimp: Float[Array, "5"]
+    adhesion: Float[Array, ""] | None = None
+    gap: Float[Array, ""] | None = None
     material: Material | None = None
 
     @property

@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsim.arrays.constants import MINVAL
 from jaxsim.constraint.impedance import inverse_where, response
+from jaxsim.constraint.laws.adhesion import Cost, adhesive
 from jaxsim.constraint.laws.law import ContactState
 from jaxsim.model import Option
 from jaxsim.solver import EllipticCone, PyramidalCone, Unilateral
@@ -24,14 +25,14 @@ _UNITS = 30
 _STIFF = 8192
 
 
-def contact_cost(opt: Option, contact: ContactState) -> EllipticCone | PyramidalCone | Unilateral:
+def contact_cost(opt: Option, contact: ContactState) -> Cost:
     """The cost of one contact, which is active if its distance is below its margin."""
     if contact.condim == 1:
         return _frictionless(opt, contact)
     return _elliptic(opt, contact) if opt.cone == ELLIPTIC else _pyramidal(opt, contact)
 
 
-def _frictionless(opt: Option, contact: ContactState) -> Unilateral:
+def _frictionless(opt: Option, contact: ContactState) -> Cost:
     """The cost of a normal row without friction."""
     violation = contact.dist - contact.includemargin
     r = response(opt, contact.solref, contact.solimp, violation)
@@ -39,10 +40,10 @@ def _frictionless(opt: Option, contact: ContactState) -> Unilateral:
     active = _touches(contact, R)
     aref = r.reference(contact.velocity, violation)
     D = inverse_where(active, R)
-    return Unilateral(aref=jnp.where(active, aref, 0.0), D=D[None])
+    return adhesive(contact, Unilateral(aref=jnp.where(active, aref, 0.0), D=D[None]), R)
 
 
-def _pyramidal(opt: Option, contact: ContactState) -> PyramidalCone:
+def _pyramidal(opt: Option, contact: ContactState) -> Cost:
     """The cost with a pyramidal cone; all edges share one regularisation.
 
     The regularisation is proportional to the square of friction. The lower bound keeps contacts
@@ -57,10 +58,11 @@ def _pyramidal(opt: Option, contact: ContactState) -> PyramidalCone:
     active = _touches(contact, R)
     aref = jnp.concatenate([r.reference(velocity[:1], violation), r.reference(velocity[1:], 0.0)])
     aref = jnp.where(active, aref, 0.0)
-    return PyramidalCone(aref=aref, D=inverse_where(active, R), mu=friction)
+    cost = PyramidalCone(aref=aref, D=inverse_where(active, R), mu=friction)
+    return adhesive(contact, cost, r.regularisation(contact.inverse_weight))
 
 
-def _elliptic(opt: Option, contact: ContactState) -> EllipticCone:
+def _elliptic(opt: Option, contact: ContactState) -> Cost:
     """The cost with an elliptic cone; friction rows only damp, by `solreffriction` if it is set."""
     violation, velocity, friction = _of(contact)
     normal = response(opt, contact.solref, contact.solimp, violation)
@@ -75,12 +77,13 @@ def _elliptic(opt: Option, contact: ContactState) -> EllipticCone:
     R1 = R0 / jnp.maximum(opt.impratio, MINVAL)
     # friction[j]^2 R[j] is the same in all directions.
     R = jnp.concatenate([R0[None], R1 * (friction[:1] / friction) ** 2])
-    return EllipticCone(
+    cost = EllipticCone(
         aref=jnp.where(active, aref, 0.0),
         D=inverse_where(active, R),
         mu=friction[0] * jnp.sqrt(R1 / R0),
         friction=friction,
     )
+    return adhesive(contact, cost, R0)
 
 
 def _touches(contact: ContactState, R: Float[Array, ""]) -> Bool[Array, ""]:
@@ -88,12 +91,13 @@ def _touches(contact: ContactState, R: Float[Array, ""]) -> Bool[Array, ""]:
 
     At rest a stiff contact is less deep than rounding. If that decided which corners of a body
     touch, the others would fall until the next step. Bodies that are placed at a distance of zero
-    do not touch yet, as in MuJoCo.
+    do not touch yet, as in MuJoCo. Adhesion acts across its gap.
     """
     violation = contact.dist - contact.includemargin
     stiff = _STIFF * jnp.finfo(R.dtype).eps * contact.inverse_weight > R
     reach = jnp.where(stiff, contact.rounding, 0)
-    return (violation < reach) & (violation != 0)
+    touches = (violation < reach) & (violation != 0)
+    return touches if contact.gap is None else touches | (violation < contact.gap)
 
 
 def _of(contact: ContactState):

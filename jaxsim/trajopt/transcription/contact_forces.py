@@ -61,6 +61,8 @@ def with_contact_forces(problem: Problem) -> Problem:
     if not isinstance(problem.space, StateSpace) or problem.frame_skip != 1:
         raise ProblemError("with_contact_forces needs a jaxsim.Model and frame_skip=1")
     model, nu = problem.space.model, problem.low.size
+    if model.flg_adhesion:
+        raise ProblemError("with_contact_forces needs a model without adhesion")
     touching = jax.eval_shape(lambda x: contacts(motion_of(model, x)), problem.start)
     count = sum((r.stop - r.start) * 2 * r.condim for r in touching.ranges)
     if count == 0:
