@@ -31,7 +31,7 @@ VALUES = {
     "opt.viscosity": 0.7,
     "body_gravcomp": [0, 0.3, 0.6],
     "dof_frictionloss": [0.4, 0.2],
-    "geom_adhesion": [0.5, 0, 0],
+    "geom_adhesion": [50.0, 0, 0],
     "geom_surfacevel": [[0.3, 0.2, 0, 0, 0, 1], [0] * 6, [0] * 6],
     "pair_adhesion": [0.7],
     "tendon_armature": [0.6],
