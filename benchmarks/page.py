@@ -67,19 +67,26 @@ def coverage(record: dict) -> str:
     for row in record["rows"]:
         folders.setdefault(pathlib.Path(row["file"]).parts[0], []).append(row)
     loads = [
-        {"folder": name, "models": len(rows), "load": sum(r["loads"] for r in rows)}
+        {
+            "folder": name,
+            "models": len(rows),
+            "load": sum(r["loads"] for r in rows),
+            "compared": sum("float64" in r for r in rows),
+        }
         for name, rows in folders.items()
     ]
     compared = [
         {
             "model": row["file"],
-            "qacc error": row["float64"].get("qacc error"),
-            "in float32": row["float32"].get("qacc error"),
-            "sensor error": row["float64"].get("sensor error"),
-            "states that lose contacts": row["float64"].get("lost"),
+            "precision": precision,
+            "qacc error": row[precision].get("qacc error"),
+            "sensor error": row[precision].get("sensor error"),
+            "undecided states": row[precision].get("undecided"),
+            "problems": "; ".join(row[precision].get("problems", ())),
         }
+        for precision in ("float64", "float32")
         for row in record["rows"]
-        if "float64" in row
+        if precision in row and not row[precision]["agrees"]
     ]
     tables = [[record["summary"]], loads, record["reasons"], compared]
     return "\n\n".join(table_markdown(rows) for rows in tables if rows)

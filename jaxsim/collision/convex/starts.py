@@ -11,8 +11,8 @@ from jaxsim.collision.convex.solid_pair import SolidPair
 from jaxsim.collision.frames import direction
 from jaxsim.collision.spread import one_hot, pick
 
-# At most MANY_FACES faces of each solid are tried, and the best of each CHUNK of them is returned.
-CHUNK, MANY_FACES = 16, 256
+# Of each CHUNK of faces the best is returned.
+CHUNK = 16
 
 
 def axis_starts(solids: SolidPair) -> Float[Array, "16 3"]:
@@ -52,9 +52,9 @@ def face_starts(solids: SolidPair) -> Float[Array, "n 3"] | None:
 
 def _lowest_penetrated(planes: Planes, corners: Float[Array, "k 3"]) -> Float[Array, "c 3"]:
     """Of each chunk of planes, the normal of the one that corners are least below."""
-    number = min(len(planes.normal), MANY_FACES)
-    tried = np.linspace(0, len(planes.normal) - 1, number).astype(int)
-    tried = tried[np.arange(-(-number // CHUNK) * CHUNK).clip(max=number - 1)].reshape(-1, CHUNK)
+    # All of them: faces of a rounded hull differ by a few degrees, and have maxima of their own.
+    number = len(planes.normal)
+    tried = np.arange(-(-number // CHUNK) * CHUNK).clip(max=number - 1).reshape(-1, CHUNK)
     chunks = jax.tree.map(lambda x: x[tried], planes)
 
     def best(chunk: Planes):
