@@ -4,8 +4,8 @@ Every XML file below the given folders that MuJoCo compiles, and that has degree
 loaded in a process of its own with a time limit. With `--check N`, N of those that load, drawn by
 a seed, are compared with MuJoCo C in float64, and with `--check32 M` the first M also in float32:
 
-- `qacc` and sensors at five states of a random motion, with both solvers converged: agreement to
-  1e-6 in float64 and 1e-2 in float32, relative to the norm;
+- `qacc` and sensors at five states of a random motion, with both solvers and MuJoCo's search for
+  contacts of convex shapes converged: agreement to 1e-6 in float64 and 1e-2 in float32, relative to the norm;
 - contacts lost: states of four seconds of random motion for which there are too few slots.
 
 A state is left out, and counted as undecided, if the difference is no larger than that between
@@ -158,6 +158,7 @@ def examine(file: str, x64: bool, deep: bool) -> dict | None:
 
     if deep:
         mj.opt.iterations, mj.opt.ls_iterations, mj.opt.tolerance = 100, 50, 0
+        mj.opt.ccd_iterations, mj.opt.ccd_tolerance = 500, 1e-10
         if mj.opt.noslip_iterations:
             mj.opt.noslip_iterations, mj.opt.noslip_tolerance = 10_000, 0
     start = time.perf_counter()

@@ -141,7 +141,8 @@ def _row_and_column(x: Shaped[Array, "m n"]) -> tuple[Bool[Array, "m"], Bool[Arr
 def _between_faces(solids: SolidPair, meeting: _Meeting, ring1, ring_count2, limit) -> Manifold:
     """Corners of the intersection in the plane of the first face, projected along its normal.
 
-    A contact is between such a corner and its projection on the second face.
+    A contact is between such a corner and its projection on the second face. The compiler merges
+    triangles to faces that are flat up to 1e-5 m or so, hence what is on an edge stays there.
     """
     ring2, count2 = ring_count2
     n1, n2 = meeting.normal1, meeting.normal2
@@ -150,12 +151,22 @@ def _between_faces(solids: SolidPair, meeting: _Meeting, ring1, ring_count2, lim
     points, exists = overlap_corners(flat2[:, 1:], flat1[::-1, 1:], solids.size)
     height = jnp.broadcast_to(flat1[0, 0], (len(points), 1))
     on_first = jnp.concatenate([height, points], axis=1) @ frame
-    dist = (on_first - ring2[:1]) @ n2
+    on_second = _on_edges(flat2, points[: len(ring2)]) @ frame
+    on_second = jnp.concatenate([on_second, jnp.repeat(ring2[:1], len(ring1), axis=0)])
+    dist = (on_first - on_second) @ n2
     exists = exists & meeting.faces & (lax.stop_gradient(dist) <= limit)
     flat = lax.stop_gradient((points, flat1[:, 1:], flat2[:, 1:], solids.size))
     numbers, kept = _at_most_four(*flat, exists, count2)
     dist, on_first = dist[numbers], on_first[numbers]
     return Manifold(dist, on_first - n2[None] * (dist / 2)[:, None], kept, -n2)
+
+
+def _on_edges(ring: Float[Array, "p 3"], points: Float[Array, "p 2"]) -> Float[Array, "p 3"]:
+    """The points of a polygon's edges, one each, whose last two coordinates are given."""
+    step = jnp.roll(ring, -1, axis=0) - ring
+    square = jnp.sum(step[:, 1:] ** 2, axis=1)
+    along = jnp.sum((points - ring[:, 1:]) * step[:, 1:], axis=1)
+    return ring + (along / jnp.where(square > 0, square, 1))[:, None] * step
 
 
 def _at_most_four(points, window, subject, size, exists, count2):
