@@ -5,7 +5,8 @@ loaded in a process of its own with a time limit. With `--check N`, N of those t
 a seed, are compared with MuJoCo C in float64, and with `--check32 M` the first M also in float32:
 
 - `qacc` and sensors at five states of a random motion, with both solvers and MuJoCo's search for
-  contacts of convex shapes converged: agreement to 1e-6 in float64 and 1e-2 in float32, relative to the norm;
+  contacts of convex shapes converged: agreement to 1e-6 in float64 and 1e-2 in float32, relative
+  to the norm;
 - contacts lost: states of four seconds of random motion for which there are too few slots.
 
 A state is left out, and counted as undecided, if the difference is no larger than that between
