@@ -302,8 +302,9 @@ SECTIONS = (
         "coverage",
         "What loads",
         "Every XML file below some folders that MuJoCo compiles and that has degrees of freedom. "
-        "Alone: files that nothing else stops. Compared: some of them, drawn by chance, and a gripper "
-        "that did not agree before, at five states of a random motion; those that do not agree are listed. Undecided states are those "
+        "Alone: files that nothing else stops. Compared: some of them, drawn by chance, and a "
+        "gripper that did not agree before, at five states of a random motion; those that do not "
+        "agree are listed. Undecided states are those "
         "where MuJoCo's own answer changes as much under noise of 1e-9. Contacts are lost if a "
         "state of four seconds of motion has more than there are slots. The folders are those of "
         "packages (dm_control 1.0.50, gymnasium_robotics 1.4.2, playground 0.2.0, gym_aloha 0.1.5, "
