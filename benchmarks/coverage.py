@@ -266,6 +266,7 @@ def _stacked(model, visited):
     import jax.numpy as jnp
 
     import jaxsim
+    from jaxsim.model.history import history_of
 
     put = lambda name: jnp.asarray(np.stack([getattr(d, name) for d, _ in visited]))  # noqa: E731
     state = jaxsim.make_state(model)
@@ -278,6 +279,9 @@ def _stacked(model, visited):
         for n, v in vars(state).items()
         if n not in names and hasattr(v, "shape")
     }
+    if model.nhistory:
+        past = [history_of(model, d.history, d.time) for d, _ in visited]
+        whole |= {"history": jnp.stack(past)}
     return state.replace(**whole), put("ctrl").astype(state.qpos.dtype)
 
 

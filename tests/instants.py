@@ -10,6 +10,7 @@ from oracle import assert_close, quick_jit
 
 from jaxsim.engine.report import forward
 from jaxsim.model import make_state
+from jaxsim.model.history import history_of
 
 CONES = {"pyramidal": mujoco.mjtCone.mjCONE_PYRAMIDAL, "elliptic": mujoco.mjtCone.mjCONE_ELLIPTIC}
 
@@ -86,11 +87,13 @@ def batch_states(model, datas):
     one = make_state(model)
     dtype = one.qpos.dtype
     batch = {}
-    for name in vars(one).keys() - {"time_excess"}:
+    for name in vars(one).keys() - {"time_excess", "history"}:
         values = np.stack([np.asarray(getattr(d, name)) for d in datas])
         batch[name] = jnp.asarray(values.reshape(len(datas), *getattr(one, name).shape), dtype)
     # A cold start: the warm start must not matter.
     batch["qacc_warmstart"] = jnp.zeros_like(batch["qvel"])
+    if model.nhistory:
+        batch["history"] = jnp.stack([history_of(model, d.history, d.time) for d in datas])
     return one.replace(**batch), jnp.asarray(np.stack([d.ctrl for d in datas]), dtype)
 
 

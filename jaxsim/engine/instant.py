@@ -19,6 +19,7 @@ class Instant:
       actuation: state of the actuators.
       qfrc_smooth: all generalised forces except those of constraints, minus the bias.
       constrained: contacts, constraint forces and the acceleration.
+      readings: of the sensors, without delays; None where they are not remembered.
     """
 
     motion: Motion
@@ -26,6 +27,7 @@ class Instant:
     actuation: Actuation
     qfrc_smooth: Float[Array, "nv"]
     constrained: Constrained
+    readings: Float[Array, "nsensordata"] | None = None
 
     @property
     def qacc(self) -> Float[Array, "nv"]:

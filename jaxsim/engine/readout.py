@@ -10,13 +10,14 @@ from jaxsim.dynamics.tendons.tendon import tendon_velocity
 from jaxsim.engine.instant import Instant
 from jaxsim.forces.external import external_wrench
 from jaxsim.model import State
+from jaxsim.quantities.energy import kinetic_energy, potential_energy
 from jaxsim.sensor import Signals, sensordata
 
 
 def read_sensors(
     now: Instant, state: State, energy: Float[Array, "2"]
 ) -> Float[Array, "nsensordata"]:
-    """Readings of all sensors of the model."""
+    """Readings of all sensors of the model, without delays."""
     motion, acting, found = now.motion, now.actuation, now.constrained
     model = motion.model
     signals = Signals(
@@ -37,6 +38,17 @@ def read_sensors(
         tendon_limit_force=_by_id(found, RowType.LIMIT_TENDON, model.ntendon),
     )
     return sensordata(signals)
+
+
+def energies(now: Instant, state: State) -> Float[Array, "2"]:
+    """Potential and kinetic energy."""
+    motion = now.motion
+    return jnp.stack(
+        [
+            potential_energy(motion.model, motion.kin, state.qpos),
+            kinetic_energy(motion.model, motion.kin, motion.vel, state.qvel),
+        ]
+    )
 
 
 def body_wrenches(motion: Motion, state: State, found: Constrained) -> Float[Array, "nbody 6"]:

@@ -14,13 +14,13 @@ from jaxsim.dynamics.crba import composite_mass_matrix
 from jaxsim.dynamics.motion import motion_of
 from jaxsim.dynamics.rnea import inertial_force, qfrc_bias
 from jaxsim.engine.continuous import instant_acceleration
+from jaxsim.engine.delays import reported_readings
 from jaxsim.engine.instant import Instant
-from jaxsim.engine.readout import read_sensors
+from jaxsim.engine.readout import energies, read_sensors
 from jaxsim.engine.status import Status
 from jaxsim.engine.stepping import contacts, evaluate, forces
 from jaxsim.model import Model, State
 from jaxsim.model.inputs import admit, admit_array
-from jaxsim.quantities.energy import kinetic_energy, potential_energy
 
 _INVDISCRETE = mujoco.mjtEnableBit.mjENBL_INVDISCRETE
 
@@ -110,12 +110,7 @@ def _forward(model: Model, state: State, ctrl: Float[Array, "nu"] | None) -> For
 def report(now: Instant, state: State) -> Forward:
     """The public record of an instant."""
     model, kin, found = now.motion.model, now.motion.kin, now.constrained
-    energy = jnp.stack(
-        [
-            potential_energy(model, kin, state.qpos),
-            kinetic_energy(model, kin, now.motion.vel, state.qvel),
-        ]
-    )
+    energy = energies(now, state)
     qacc_smooth = solve_mass(model, kin, now.qfrc_smooth)
     return Forward(
         xpos=kin.xpos,
@@ -139,7 +134,7 @@ def report(now: Instant, state: State) -> Forward:
         act_dot=now.actuation.act_dot,
         qacc_smooth=qacc_smooth,
         qacc=found.qacc,
-        sensordata=read_sensors(now, state, energy),
+        sensordata=reported_readings(model, state, read_sensors(now, state, energy)),
         energy=energy,
         # The solver's objective lacks the constant part of `1/2 |qacc - qacc_smooth|_M^2`.
         cost=found.status.cost + 0.5 * now.qfrc_smooth @ qacc_smooth,

@@ -21,9 +21,11 @@ from jaxsim.constraint import constrained_acceleration, with_entry_times
 from jaxsim.dynamics.motion import Motion, motion_of
 from jaxsim.dynamics.rnea import bias_forces, generalized_force, wrench_on_links
 from jaxsim.dynamics.tendons.inertia import has_tendon_inertia, tendon_bias
+from jaxsim.engine.delays import applied_controls, next_history, remembers_sensors
 from jaxsim.engine.instant import Instant
 from jaxsim.engine.integrators import INTEGRATORS, Step
 from jaxsim.engine.kernels import steps_are_kernels
+from jaxsim.engine.readout import energies, read_sensors
 from jaxsim.engine.status import Status
 from jaxsim.forces.actuation import Actuation, actuation
 from jaxsim.forces.passive import PassiveForces, passive_forces
@@ -94,7 +96,11 @@ def _step(model: Model, state: State, ctrl: Float[Array, "nu"] | None) -> Step:
     numbers = jnp.concatenate([after.qpos, after.qvel, after.act])
     return found.replace(
         # The warm start affects how fast the solution is found, not the solution.
-        after=after.replace(qacc_warmstart=lax.stop_gradient(found.qacc)),
+        after=after.replace(
+            qacc_warmstart=lax.stop_gradient(found.qacc),
+            history=next_history(model, state, ctrl, found.readings),
+        ),
+        readings=None,
         status=found.status.replace(finite=found.status.finite & jnp.isfinite(numbers).all()),
     )
 
@@ -106,6 +112,8 @@ def _evaluate_for_step(
     ahead: Float[Array, ""] | None = None,
 ) -> Instant:
     now = evaluate(model, state, ctrl, ahead)
+    if remembers_sensors(model):
+        now = now.replace(readings=read_sensors(now, state, energies(now, state)))
     if not model.backward.entry_time:
         return now
     return now.replace(constrained=with_entry_times(now.motion, now.constrained, now.qfrc_smooth))
@@ -148,6 +156,7 @@ def forces(
     """Passive forces and the state of the actuators."""
     model, kin = motion.model, motion.kin
     passive = passive_forces(model, kin, motion.vel, state.qpos, state.qvel, contact)
+    ctrl = applied_controls(model, state, ctrl)
     actuators = actuation(
         model, kin, state.qpos, state.qvel, state.act, ctrl, passive.qfrc_gravcomp, contact
     )

@@ -38,6 +38,8 @@ def substeps(
     """
     if count < 1:
         raise ValueError(f"count must be at least 1, got {count}")
+    if model.nhistory:
+        raise ValueError("the model has delays, whose samples are whole time steps apart; use step")
     shares = jnp.ones(count)
     if phase is not None:
         shares = jnp.ones(count + 1).at[0].set(phase).at[-1].set(1 - jnp.asarray(phase))

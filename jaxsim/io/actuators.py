@@ -1,4 +1,4 @@
-"""Tables of the controls and the activations of actuators that have several."""
+"""Tables of actuators: controls and activations of those that have several, and delays."""
 
 import mujoco
 import numpy as np
@@ -37,6 +37,23 @@ def actuator_tables(mj: mujoco.MjModel) -> dict[str, np.ndarray]:
     return {
         "actuator_inputadr": _addresses(inputs & (motor | servo), mj.actuator_ctrladr),
         "actuator_stateadr": _addresses(states, mj.actuator_actadr),
+    }
+
+
+def delay_tables(mj: mujoco.MjModel) -> dict[str, np.ndarray]:
+    """Fields of the model's structure that say which delays it has.
+
+    Args:
+      mj: a compiled model.
+
+    Returns:
+      `actuator_delayed` (nactuator,), `sensor_delayed` (nsensor,): whether it has a delay;
+      `sensor_periodic` (nsensor,): whether it has an interval.
+    """
+    return {
+        "actuator_delayed": mj.actuator_delay > 0,
+        "sensor_delayed": mj.sensor_delay > 0,
+        "sensor_periodic": mj.sensor_interval[:, 0] > 0,
     }
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from jaxsim.collision.candidates import candidate_pairs
 from jaxsim.collision.rays import opaque_geoms
 from jaxsim.collision.unsupported import dropped_pairs, unsupported_pairs
-from jaxsim.io.actuators import actuator_tables
+from jaxsim.io.actuators import actuator_tables, delay_tables
 from jaxsim.io.fields import field_tables
 from jaxsim.io.frames import effective_frames
 from jaxsim.io.hulls import flat_meshes, hull_tables
@@ -22,7 +22,7 @@ from jaxsim.io.materials import Materials, material_leaves
 from jaxsim.io.physical import impossible
 from jaxsim.io.singular import check_mass_matrix
 from jaxsim.io.supported import unsupported
-from jaxsim.model.model import Model, Option, Statistic
+from jaxsim.model.model import DELAYS, Model, Option, Statistic
 from jaxsim.model.names import Names
 from jaxsim.model.problems import raise_problems
 from jaxsim.model.structure import ARRAYS, SIZES, Structure
@@ -66,13 +66,17 @@ def build(
     check_mass_matrix(mj, names.label)
     if dropped := dropped_pairs(mj, pairs, names.label):
         warnings.warn(f"these pairs of geoms pass through each other: {dropped}", stacklevel=3)
+    delays = delay_tables(mj)
+    delayed = any(which.any() for which in delays.values())
+    sizes = {name: int(getattr(mj, name)) for name in SIZES}
     structure = Structure(
-        sizes={name: int(getattr(mj, name)) for name in SIZES},
+        sizes=sizes | {"nhistory": mj.nhistory if delayed else 0},
         arrays={
             **{name: _static_array(mj, name) for name in ARRAYS},
             **hull_tables(mj, names.label),
             **field_tables(mj),
             **actuator_tables(mj),
+            **delays,
             "wrap_sideid": _side_sites(mj),
             "geom_opaque": opaque_geoms(mj),
             "geom_ellipsoid": mj.geom_fluid[:, 0] > 0,
@@ -84,6 +88,7 @@ def build(
     )
     fields = {f.name for f in dataclasses.fields(Model)} - _STATIC - {"opt", "stat"}
     made = material_leaves(mj, materials)
+    fields -= set() if delayed else set(DELAYS)
     leaves = {name: getattr(mj, name) for name in sorted(fields - set(made))}
     leaves |= effective_frames(mj) | made
     model = Model(

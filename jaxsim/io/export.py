@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 
 from jaxsim.model import Model, ModelError, State
 from jaxsim.model.errors import expect
+from jaxsim.model.history import time_places
 
 _STATE = "qpos qvel act qacc_warmstart xfrc_applied qfrc_applied mocap_pos mocap_quat".split()
 # Fields from which MuJoCo's compiler computes the bounding boxes of geoms.
@@ -52,21 +53,25 @@ def to_mujoco(model: Model, state: State | None = None, ctrl: Float[Array, "nu"]
     for record, target in ((model, mj), (model.opt, mj.opt), (model.stat, mj.stat)):
         for field in dataclasses.fields(record):
             value = getattr(record, field.name)
-            if hasattr(target, field.name) and not dataclasses.is_dataclass(value):
+            known = value is not None and not dataclasses.is_dataclass(value)
+            if known and hasattr(target, field.name):
                 _assign(target, field.name, value)
     # The compiler's marks of frames that coincide may be wrong for the present numbers.
     for kind in "body", "geom", "site":
         getattr(mj, f"{kind}_sameframe")[:] = int(mujoco.mjtSameFrame.mjSAMEFRAME_NONE)
     if moved:
         mj.opt.disableflags |= _MIDPHASE_OFF
-    return mj if state is None else (mj, _data(mj, state, ctrl))
+    return mj if state is None else (mj, _data(model, mj, state, ctrl))
 
 
-def _data(mj: mujoco.MjModel, state: State, ctrl) -> mujoco.MjData:
+def _data(model: Model, mj: mujoco.MjModel, state: State, ctrl) -> mujoco.MjData:
     data = mujoco.MjData(mj)
     for name in _STATE:
         _assign(data, name, getattr(state, name))
     data.time = float(state.time) - float(state.time_excess)
+    if state.history is not None:
+        _assign(data, "history", state.history)
+        data.history[time_places(model)] += data.time
     if ctrl is not None:
         _assign(data, "ctrl", ctrl)
     mujoco.mj_forward(mj, data)

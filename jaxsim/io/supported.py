@@ -16,7 +16,7 @@ from jaxsim.collision.rays import opaque_geoms, ray_problems
 from jaxsim.collision.table import type_name
 from jaxsim.model.enums import constant_name
 from jaxsim.model.names import Label
-from jaxsim.model.problems import ModelProblem, rows
+from jaxsim.model.problems import ModelProblem
 from jaxsim.sensor import SENSORS
 
 _ENABLE_FLAGS = "OVERRIDE ENERGY FWDINV INVDISCRETE SLEEP DIAGEXACT"
@@ -73,9 +73,6 @@ def unsupported(mj: mujoco.MjModel, label: Label) -> Iterator[ModelProblem]:
     for choice in _CHOICES:
         for i, value in enumerate(getattr(mj, choice.field)):
             yield from _chosen(choice, label(choice.kind, i), value)
-    for kind, attribute, values, remedy in _attributes(mj):
-        for i in rows(np.asarray(values) != 0):
-            yield ModelProblem(label(kind, i), f"{attribute} is not supported; {remedy}")
     yield from _limits(mj, label)
     yield from _sensors(mj, label)
     yield from _geometry(mj, label)
@@ -105,16 +102,6 @@ def _options(mj: mujoco.MjModel) -> Iterator[ModelProblem]:
     for size, what in (("nflex", "flex"), ("nplugin", "plugin")):
         if getattr(mj, size):
             yield ModelProblem("", f"{what} elements are not supported; remove them from the model")
-
-
-def _attributes(mj: mujoco.MjModel) -> tuple[tuple[str, str, np.ndarray, str], ...]:
-    """Attributes that must be zero: kind of element, MJCF's name, values, remedy."""
-    remove = "remove the attribute"
-    return (
-        ("actuator", "delay", mj.actuator_delay, remove),
-        ("sensor", "delay", mj.sensor_delay, remove),
-        ("sensor", "interval", mj.sensor_interval, remove),
-    )
 
 
 def _limits(mj: mujoco.MjModel, label: Label) -> Iterator[ModelProblem]:

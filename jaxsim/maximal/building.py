@@ -61,6 +61,8 @@ def _check(model: Model) -> None:
         problems.append("adhesion")
     if has_tendon_inertia(model):
         problems.append("armature of tendons")
+    if model.nhistory:
+        problems.append("delays and intervals")
     if model.backward != EXACT:
         problems.append("backward=...")
     if problems:

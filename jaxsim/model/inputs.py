@@ -17,7 +17,7 @@ import numpy as np
 
 from jaxsim.model.errors import expect
 from jaxsim.model.facts import fact
-from jaxsim.model.model import Model, Option, Statistic
+from jaxsim.model.model import DELAYS, Model, Option, Statistic
 from jaxsim.model.state import State
 
 Shape = tuple[int | None, ...]
@@ -50,6 +50,8 @@ def admit(
     model = admit_model(model)
     expect(state, State, "jaxsim.make_state")
     shapes = {name: batch + shape for name, shape in _shapes(model)["state"].items()}
+    if state.history is not None and not model.nhistory:
+        raise ValueError("state.history must be None: the model has no delays")
     state = _admitted(state, shapes, _number_type(model), "states" if batch else "state")
     if ctrl is not None:
         ctrl = admit_array(model, ctrl, (*batch, model.nu), "ctrl")
@@ -60,6 +62,9 @@ def admit_model(model: Model) -> Model:
     """Validate a model; as `admit`, for the model alone."""
     expect(model, Model, "jaxsim.load")
     shapes, kind = _shapes(model), _number_type(model)
+    for name in () if model.nhistory else DELAYS:
+        if getattr(model, name) is not None:
+            raise ValueError(f"model.{name} must be None: the model was loaded without delays")
     opt = _admitted(model.opt, shapes["opt"], kind, "model.opt")
     stat = _admitted(model.stat, shapes["stat"], kind, "model.stat")
     if not isinstance(opt.timestep, jax.core.Tracer) and not np.asarray(opt.timestep) > 0:
@@ -151,10 +156,12 @@ def _array(value: Any, shape: Shape, name: str) -> jax.Array | np.ndarray:
 def _shapes(model: Model) -> dict[str, dict[str, Shape]]:
     """Shapes of the arrays of each record, from their annotations and the model's sizes."""
     records = {"model": Model, "opt": Option, "stat": Statistic, "state": State}
+    absent = () if model.nhistory else (*DELAYS, "history")
     return {
         name: {
             field: tuple(_length(model, axis) for axis in axes.split())
             for field, axes in _annotated(record)
+            if field not in absent
         }
         for name, record in records.items()
     }

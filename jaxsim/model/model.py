@@ -17,6 +17,9 @@ from jaxsim.model.presence import NOTHING, OPTIONAL_FORCES, Presence, extended
 from jaxsim.model.structure import Structure
 from jaxsim.model.summary import summary
 
+# Leaves that are None in a model without delays.
+DELAYS = ("actuator_delay", "sensor_delay", "sensor_interval")
+
 
 @struct.dataclass
 class Option:
@@ -186,6 +189,9 @@ class Model:
     key_mpos: Float[Array, "nkey 3*nmocap"]
     key_mquat: Float[Array, "nkey 4*nmocap"]
     key_ctrl: Float[Array, "nkey nu"]
+    actuator_delay: Float[Array, "nactuator"] = None  # type: ignore[assignment]
+    sensor_delay: Float[Array, "nsensor"] = None  # type: ignore[assignment]
+    sensor_interval: Float[Array, "nsensor 2"] = None  # type: ignore[assignment]
     hessian: str = struct.field(pytree_node=False, default="auto")
     rotations: str = struct.field(pytree_node=False, default="lie")
     contact: str = struct.field(pytree_node=False, default="mujoco")

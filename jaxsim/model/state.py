@@ -7,6 +7,7 @@ from flax import struct
 from jaxtyping import Array, Float
 
 from jaxsim.model.errors import expect
+from jaxsim.model.history import initial_history
 from jaxsim.model.model import Model
 
 
@@ -30,6 +31,8 @@ class State:
       time_excess: `time`, which is rounded up, minus the exact time. Steps maintain it, so that a
         float32 time neither drifts nor stops. Zero if it is not given, or if its shape differs
         from that of `time`.
+      history: samples of delayed controls and sensors, see `jaxsim.model.history`; None in a model
+        without delays.
     """
 
     qpos: Float[Array, "nq"]
@@ -42,6 +45,7 @@ class State:
     mocap_pos: Float[Array, "nmocap 3"]
     mocap_quat: Float[Array, "nmocap 4"]
     time_excess: Float[Array, ""] = None  # type: ignore[assignment]
+    history: Float[Array, "nhistory"] = None  # type: ignore[assignment]
 
     def __post_init__(self):
         # JAX also builds states whose fields are axes, types or None.
@@ -79,6 +83,7 @@ def make_state(model: Model, keyframe: int | str | None = None) -> State:
         qfrc_applied=jnp.zeros(model.nv, dtype),
         mocap_pos=model.body_pos[bodies],
         mocap_quat=model.body_quat[bodies],
+        history=initial_history(model),  # type: ignore[arg-type]
     )
     if keyframe is None:
         return state

@@ -17,7 +17,7 @@ from jaxsim.model.topology import Forest
 
 SIZES = (
     "nq nv nu na nbody njnt ngeom nsite ncam neq ntendon nwrap nsensor nsensordata nmocap nkey "
-    "npair nexclude nactuator nout"
+    "npair nexclude nactuator nout nhistory"
 ).split()
 
 ARRAYS = (
@@ -32,9 +32,9 @@ ARRAYS = (
     "actuator_trntype actuator_dyntype actuator_gaintype actuator_biastype actuator_trnid "
     "actuator_ctrladr actuator_ctrlnum actuator_ctrlspec actuator_outadr actuator_outnum "
     "actuator_actadr actuator_actnum actuator_actlimited actuator_actearly actuator_ctrllimited "
-    "actuator_forcelimited actuator_group "
+    "actuator_forcelimited actuator_group actuator_history actuator_historyadr "
     "sensor_type sensor_datatype sensor_objtype sensor_objid sensor_reftype "
-    "sensor_refid sensor_dim sensor_adr sensor_intprm"
+    "sensor_refid sensor_dim sensor_adr sensor_intprm sensor_history sensor_historyadr"
 ).split()
 
 # Fields with a row for each control or force of an actuator, and the field that counts them.
@@ -48,15 +48,15 @@ ACTUATOR_ROWS = {
 class Structure:
     """Sizes, types, addresses, flags and names of a model, immutable and hashable.
 
-    Fields have MuJoCo's names and values; arrays are read-only NumPy arrays. Fields of our own are
-    the tables of hulls, height fields and actuators (`jaxsim.io.hulls`, `jaxsim.io.fields`,
-    `jaxsim.io.actuators`), `wrap_sideid`,
-    the side site of each surface that a tendon wraps around (-1: none), `geom_opaque`, whether each
-    geom is opaque, and `geom_ellipsoid`, whether it is an ellipsoid for the medium. The link tree
-    (`tree`) and the body tree (`body_tree`) are derived from the fields. `facts` caches the facts
-    that other packages declare (see `jaxsim.model.facts`). The compiled `source` is used for
-    drawing, for rays against its meshes and by `to_mujoco`. It does not take part in comparisons,
-    except that a digest of its meshes is a field.
+    Fields have MuJoCo's names and values; arrays are read-only NumPy arrays. `nhistory` is zero
+    without delays. Fields of our own are the tables of hulls, height fields and actuators
+    (`jaxsim.io.hulls`, `jaxsim.io.fields`, `jaxsim.io.actuators`), `wrap_sideid`, the side site of
+    each surface that a tendon wraps around (-1: none), `geom_opaque`, whether each geom is opaque,
+    and `geom_ellipsoid`, whether it is an ellipsoid for the medium. The link tree (`tree`) and the
+    body tree (`body_tree`) are derived from the fields. `facts` caches the facts that other
+    packages declare (see `jaxsim.model.facts`). The compiled `source` is used for drawing, for rays
+    against its meshes and by `to_mujoco`. It does not take part in comparisons, except that a
+    digest of its meshes is a field.
     """
 
     def __init__(

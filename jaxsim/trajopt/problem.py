@@ -220,6 +220,7 @@ def _system(dynamics, start, nu, limits):
             "starts with jax.vmap",
         )
         _expect(dynamics.nu > 0, "the model has no actuators")
+        _expect(not dynamics.nhistory, "the model has delays or intervals; load it without them")
         return StateSpace(dynamics), start, dynamics.nu
     _expect(
         callable(dynamics),

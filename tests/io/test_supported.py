@@ -38,16 +38,7 @@ ELEMENTS = {
     '<actuator><general name="m" joint="hinge" biastype="user"/></actuator>': (
         "actuator 'm': biastype 'user' .* none, affine, muscle"
     ),
-    '<actuator><motor name="m" joint="hinge" nsample="4" delay="0.01"/></actuator>': (
-        "actuator 'm': delay .* remove"
-    ),
     '<sensor><user name="s" dim="1"/></sensor>': "sensor 's': type 'user'",
-    '<sensor><jointpos name="s" joint="hinge" nsample="3" delay=".01"/></sensor>': (
-        "sensor 's': delay .* remove"
-    ),
-    '<sensor><jointpos name="s" joint="hinge" nsample="3" interval=".02"/></sensor>': (
-        "sensor 's': interval .* remove"
-    ),
     """<deformable><flex name="f" dim="1" body="link slider" vertex="0 0 0 0 0 0" element="0 1"/>
        </deformable>""": "flex elements .* remove them",
 }

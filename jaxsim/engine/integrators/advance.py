@@ -30,7 +30,7 @@ def semi_implicit(model: Model, state: State, now: Instant, qacc: Float[Array, "
     """
     acting = now.actuation
     after = advance(model, state, qacc, acting.act_dot, acting.paths)
-    return Step(after, state, now.qacc, Status.of(now.constrained))
+    return Step(after, state, now.qacc, Status.of(now.constrained), now.readings)
 
 
 def advance(

@@ -24,4 +24,4 @@ def integrate(model: Model, state: State, evaluate: Evaluate) -> Step:
         rate = rate + now.constrained.displacement / h
     acting = now.actuation
     after = advance(model, middle, now.qacc, acting.act_dot, acting.paths, rate)
-    return Step(after, state, now.qacc, Status.of(now.constrained))
+    return Step(after, state, now.qacc, Status.of(now.constrained), now.readings)

@@ -30,12 +30,15 @@ class Step:
       last: the state at which forces were evaluated last.
       qacc: acceleration at `last`.
       status: combined status of the solves of all evaluations.
+      readings: of the sensors at the first evaluation; None where they are not remembered, and
+        once they are in the history.
     """
 
     after: State
     last: State
     qacc: Float[Array, "nv"]
     status: Status
+    readings: Float[Array, "nsensordata"] | None = None
 
 
 class Integrator(Protocol):

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
+from jaxsim.engine.delays import aged, remembers_sensors
 from jaxsim.engine.instant import Instant
 from jaxsim.engine.integrators.advance import advance
 from jaxsim.engine.integrators.integrator import Evaluate, Step
@@ -28,7 +29,7 @@ def integrate(model: Model, state: State, evaluate: Evaluate) -> Step:
     h, dtype = model.opt.timestep, state.qpos.dtype
 
     def stage(carry, fraction_and_weight):
-        (rate, slope, act_dot), total, _, _, status = carry
+        (rate, slope, act_dot), total, _, _, status, readings = carry
         fraction, weight = fraction_and_weight
         theta = h * fraction * rate
         # Each solve starts from the acceleration of the last stage; see `stepping.whole_step`.
@@ -38,22 +39,27 @@ def integrate(model: Model, state: State, evaluate: Evaluate) -> Step:
             qvel=state.qvel + h * fraction * slope,
             act=state.act + h * fraction * act_dot,
             time=state.time + h * fraction,
+            history=aged(model, state.history, h * fraction),
         )
         then = evaluate(at)
         derivative = _derivative(model, at, then, theta)
         total = jax.tree.map(lambda a, b: a + weight * b, total, derivative)
         status = status.then(Status.of(then.constrained))
-        return (derivative, total, then.actuation.paths, at, status), None
+        if readings is not None and then.readings is not None:
+            readings = jnp.where(fraction == 0, then.readings, readings)
+        return (derivative, total, then.actuation.paths, at, status, readings), None
 
     # One loop body for all stages keeps the program small; the first stage has offset zero.
     start = (jnp.zeros_like(state.qvel), state.qacc_warmstart, jnp.zeros_like(state.act))
     paths = (jnp.zeros(model.nout, dtype), jnp.zeros(model.nout, dtype))
-    carry = (start, jax.tree.map(jnp.zeros_like, start), paths, state, Status.empty(dtype))
+    zeros = jax.tree.map(jnp.zeros_like, start)
+    readings = jnp.zeros(model.nsensordata, dtype) if remembers_sensors(model) else None
+    carry = (start, zeros, paths, state, Status.empty(dtype), readings)
     found, _ = lax.scan(stage, carry, jnp.asarray(_TABLEAU, dtype))
-    (_, qacc, _), total, paths, last, status = found
+    (_, qacc, _), total, paths, last, status, readings = found
     mean_rate, mean_qacc, mean_act_dot = jax.tree.map(lambda x: x / 6, total)
     after = advance(model, state, mean_qacc, mean_act_dot, paths, mean_rate)
-    return Step(after, last, qacc, status)
+    return Step(after, last, qacc, status, readings)
 
 
 def _derivative(model: Model, at: State, then: Instant, theta: Float[Array, "nv"]):
