@@ -38,7 +38,7 @@ TITLES = {
     "mjtIntegrator": ("IntegratorType", "Integrators"),
     "mjtCone": ("ConeType", "Friction cones"),
 }
-_SHAPES = "PLANE HFIELD SPHERE CAPSULE ELLIPSOID CYLINDER BOX MESH"
+_SHAPES = "PLANE HFIELD SPHERE CAPSULE ELLIPSOID CYLINDER BOX MESH SDF"
 
 
 def page() -> str:

@@ -19,7 +19,17 @@ from jaxtyping import Array, Float
 
 from jaxsim.collision.frames import smallest_length
 from jaxsim.collision.shapes import Shape
-from jaxsim.collision.table import BOX, CAPSULE, CYLINDER, ELLIPSOID, HFIELD, MESH, PLANE, SPHERE
+from jaxsim.collision.table import (
+    BOX,
+    CAPSULE,
+    CYLINDER,
+    ELLIPSOID,
+    HFIELD,
+    MESH,
+    PLANE,
+    SDF,
+    SPHERE,
+)
 
 Number = Float[Array, ""]
 Vector = Sequence[Number] | Float[Array, "3"]
@@ -60,6 +70,7 @@ HALF_WIDTH: dict[int, Callable[[Shape, Vector], Number]] = {
     CYLINDER: _cylinder,
     BOX: _box,
     MESH: _box,
+    SDF: _box,
 }
 # Which columns of a shape's rotation matrix are normals of flat faces.
 FACES: dict[int, tuple[int, ...]] = {

@@ -12,8 +12,9 @@ from jaxsim.arrays.indexing import Index, gather
 from jaxsim.collision.candidates import PairGroup
 from jaxsim.collision.fields import Fields
 from jaxsim.collision.hulls import Hulls
+from jaxsim.collision.sdf import SignedDistances
 from jaxsim.collision.shapes import Contacts, Shape
-from jaxsim.collision.table import HFIELD, MESH, PAIRS
+from jaxsim.collision.table import HFIELD, MESH, PAIRS, SDF
 
 
 def contacts_of_groups(
@@ -26,7 +27,7 @@ def contacts_of_groups(
     """
     together: dict[Any, list[int]] = {}
     for k, group in enumerate(groups):
-        alike = MESH in group.types and HFIELD not in group.types
+        alike = MESH in group.types and HFIELD not in group.types and SDF not in group.types
         together.setdefault(group.types if alike else k, []).append(k)
     found = {}
     for members in together.values():
@@ -75,12 +76,16 @@ def pair_contacts(
     )
 
 
-def _tables(model: Any, group: PairGroup, dtype) -> list[Hulls | Fields | None]:
-    """Tables of hulls or height fields for the first and the second geoms; None for primitives."""
+def _tables(model: Any, group: PairGroup, dtype) -> list[Hulls | Fields | SignedDistances | None]:
+    """Tables of hulls, fields or functions for the first and second geoms; None for primitives."""
     first = Fields(model, group.geom1, group.geom2, dtype) if group.types[0] == HFIELD else None
     sides = zip(group.types, (group.geom1, group.geom2), strict=True)
-    hulls = [Hulls(model, geoms, dtype) if kind == MESH else None for kind, geoms in sides]
-    return [first or hulls[0], hulls[1]]
+    makers = {
+        MESH: lambda geoms: Hulls(model, geoms, dtype),
+        SDF: lambda geoms: SignedDistances(model, geoms),
+    }
+    tables = [makers[kind](geoms) if kind in makers else None for kind, geoms in sides]
+    return [first or tables[0], tables[1]]
 
 
 def join_ids(ids: list[Int[Array, "_"] | np.ndarray]) -> Index:

@@ -3,6 +3,9 @@
 They do not depend on robots, bodies or models.
 """
 
+from collections.abc import Callable
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 from flax import struct
@@ -106,6 +109,29 @@ class HeightField:
 
 
 @struct.dataclass
+class Distances:
+    """The signed distance function of a shape, one of several.
+
+    Attributes:
+      row: which one.
+      parameters: second argument of each function; None for functions without.
+      functions: from a point in the shape's axes (m) to a signed distance (m), static.
+    """
+
+    row: Int[Array, ""]
+    parameters: tuple[Any, ...]
+    functions: tuple[Callable[..., Float[Array, ""]], ...] = struct.field(pytree_node=False)
+
+    def __call__(self, x: Float[Array, "3"]) -> Float[Array, ""]:
+        """The signed distance at a point."""
+        given = zip(self.functions, self.parameters, strict=True)
+        first, *others = [f(x) if p is None else f(x, p) for f, p in given]
+        for k, other in enumerate(others, 1):
+            first = jnp.where(self.row == k, other, first)
+        return first
+
+
+@struct.dataclass
 class Shape:
     """A geometric primitive in the world.
 
@@ -114,9 +140,11 @@ class Shape:
       mat: rotation from the shape's axes to world axes; a plane's normal and the axis of a capsule
         or cylinder are its third column.
       size: MuJoCo's `geom_size`: radius (sphere), radius and half-length (capsule, cylinder),
-        half-lengths (box), semi-axes (ellipsoid), largest coordinates (mesh).
+        half-lengths (box), semi-axes (ellipsoid), largest coordinates (mesh), half-lengths of a box
+        that contains it (signed distance function).
       hull: convex hull, for a mesh.
       field: heights, for a height field.
+      sdf: signed distance function, for a shape that has one.
     """
 
     pos: Float[Array, "3"]
@@ -124,6 +152,7 @@ class Shape:
     size: Float[Array, "3"]
     hull: Hull | None = None
     field: HeightField | None = None
+    sdf: Distances | None = None
 
     @property
     def axis(self) -> Float[Array, "3"]:

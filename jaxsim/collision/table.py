@@ -31,6 +31,7 @@ from jaxsim.collision.pairs.plane import (
     plane_mesh,
     plane_sphere,
 )
+from jaxsim.collision.sdf import body, sdf_pair
 from jaxsim.collision.shapes import Contacts, Shape
 from jaxsim.model.enums import constant_name
 
@@ -42,6 +43,7 @@ ELLIPSOID = int(mujoco.mjtGeom.mjGEOM_ELLIPSOID)
 CYLINDER = int(mujoco.mjtGeom.mjGEOM_CYLINDER)
 BOX = int(mujoco.mjtGeom.mjGEOM_BOX)
 MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
+SDF = int(mujoco.mjtGeom.mjGEOM_SDF)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -86,6 +88,14 @@ PAIRS: dict[tuple[int, int], PairFunction] = {
     (CYLINDER, MESH): PairFunction(*convex_pair(Cylinder, Polytope)),
     (BOX, MESH): PairFunction(*convex_pair(Box, Polytope)),
     (MESH, MESH): PairFunction(*convex_pair(Polytope, Polytope)),
+    (PLANE, SDF): PairFunction(*sdf_pair(body.plane)),
+    (SPHERE, SDF): PairFunction(*sdf_pair(body.sphere)),
+    (CAPSULE, SDF): PairFunction(*sdf_pair(body.capsule)),
+    (ELLIPSOID, SDF): PairFunction(*sdf_pair(body.ellipsoid)),
+    (CYLINDER, SDF): PairFunction(*sdf_pair(body.cylinder)),
+    (BOX, SDF): PairFunction(*sdf_pair(body.box)),
+    (MESH, SDF): PairFunction(*sdf_pair(body.mesh)),
+    (SDF, SDF): PairFunction(*sdf_pair(body.signed_distance)),
 }
 
 

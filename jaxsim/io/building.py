@@ -20,6 +20,7 @@ from jaxsim.io.frames import effective_frames
 from jaxsim.io.hulls import flat_meshes, hull_tables
 from jaxsim.io.materials import Materials, material_leaves
 from jaxsim.io.physical import impossible
+from jaxsim.io.signed_distances import Functions, signed_distances, with_functions
 from jaxsim.io.singular import check_mass_matrix
 from jaxsim.io.supported import unsupported
 from jaxsim.model.model import DELAYS, Model, Option, Statistic
@@ -36,7 +37,10 @@ _STATIC = {f.name for f in dataclasses.fields(Model) if not f.metadata.get("pytr
 
 
 def build(
-    mj: mujoco.MjModel, drop_pairs: bool = False, materials: Materials | None = None
+    mj: mujoco.MjModel,
+    drop_pairs: bool = False,
+    materials: Materials | None = None,
+    sdf: Functions | None = None,
 ) -> Model:
     """Validate and convert a compiled model.
 
@@ -45,14 +49,17 @@ def build(
       drop_pairs: whether pairs of geoms without a collision function pass through each other;
         otherwise they are an error.
       materials: of geoms, by name.
+      sdf: signed distance functions of geoms, by name.
 
     Returns:
       The model, its numbers in JAX's default float type.
 
     Raises:
       ModelError: the model uses unsupported features, or its physics is impossible.
-      ValueError: a material is of no geom, or has numbers out of their range.
+      ValueError: a material or a function is of no geom, or does not fit.
     """
+    source = copy.copy(mj)
+    mj = with_functions(mj, sdf or {})
     names = Names.from_mujoco(mj)
     pairs = candidate_pairs(mj)
     raise_problems(
@@ -82,11 +89,11 @@ def build(
             "geom_ellipsoid": mj.geom_fluid[:, 0] > 0,
         },
         names=names,
-        source=copy.copy(mj),
+        source=source,
         drops_pairs=drop_pairs,
         meshes=_mesh_digest(mj),
     )
-    fields = {f.name for f in dataclasses.fields(Model)} - _STATIC - {"opt", "stat"}
+    fields = {f.name for f in dataclasses.fields(Model)} - _STATIC - {"opt", "stat", "sdf"}
     made = material_leaves(mj, materials)
     fields -= set() if delayed else set(DELAYS)
     leaves = {name: getattr(mj, name) for name in sorted(fields - set(made))}
@@ -96,6 +103,7 @@ def build(
         opt=_option(mj.opt),
         stat=Statistic(**{n: _leaf(getattr(mj.stat, n)) for n in ("meaninertia", "meanmass")}),
         **{name: _leaf(value) for name, value in leaves.items()},
+        sdf=signed_distances(mj, sdf or {}),
     )
     return model.replace(**{name: getattr(model, name) for name in ("opt", *leaves)})
 

@@ -28,7 +28,8 @@ def to_mujoco(model: Model, state: State | None = None, ctrl: Float[Array, "nu"]
     """Convert a model, and optionally a state, for MuJoCo's viewer, renderer and tools.
 
     The `MjModel` is a copy of the one from which the model was loaded, with its names, materials
-    and meshes, and with the model's present numbers.
+    and meshes, and with the model's present numbers. A geom with a signed distance function is the
+    geom of the file that stands in for it.
 
     Args:
       model: the model of one environment.
@@ -47,6 +48,7 @@ def to_mujoco(model: Model, state: State | None = None, ctrl: Float[Array, "nu"]
     if state is not None:
         expect(state, State, "jaxsim.make_state")
     mj = copy.copy(model.structure.source)
+    model = _with_stand_ins(model, mj)
     _check_simple_bodies(model, mj)
     _check_meshes(model, mj)
     moved = any(not np.array_equal(getattr(mj, n), _numbers(model, n)) for n in _BOXES)
@@ -62,6 +64,14 @@ def to_mujoco(model: Model, state: State | None = None, ctrl: Float[Array, "nu"]
     if moved:
         mj.opt.disableflags |= _MIDPHASE_OFF
     return mj if state is None else (mj, _data(model, mj, state, ctrl))
+
+
+def _with_stand_ins(model: Model, mj: mujoco.MjModel) -> Model:
+    """The model with the sizes of the geoms that stand in for signed distance functions."""
+    if not model.sdf:
+        return model
+    own = (np.asarray(model.geom_type) != mj.geom_type)[:, None]
+    return model.replace(geom_size=np.where(own, mj.geom_size, _numbers(model, "geom_size")))
 
 
 def _data(model: Model, mj: mujoco.MjModel, state: State, ctrl) -> mujoco.MjData:

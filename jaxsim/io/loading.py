@@ -13,6 +13,7 @@ from jaxsim.constraint.operators import STRATEGIES
 from jaxsim.io import build
 from jaxsim.io.budget import contact_budget
 from jaxsim.io.materials import Materials
+from jaxsim.io.signed_distances import Functions
 from jaxsim.model import Model, ModelError
 from jaxsim.model.backward import Backward
 
@@ -29,6 +30,7 @@ def load(
     contact: str = "mujoco",
     backward: Backward | None = None,
     materials: Materials | None = None,
+    sdf: Functions | None = None,
     unsupported_pairs: str = "error",
 ) -> Model:
     """Load a model.
@@ -54,6 +56,10 @@ def load(
       materials: for each geom, by name, a dictionary of what contact laws other than MuJoCo's
         know of it: "stiffness" (N/m), "relaxation" (s), "restitution". The defaults are 2e6, half a
         time step, and 0.
+      sdf: for geoms, by name, a signed distance function: from a point in the geom's frame (m) to
+        the distance to its surface (m), negative inside. Or a pair of a function and parameters,
+        its second argument; they are `model.sdf[name].parameters`, which can be replaced and
+        differentiated. The geom of the file contains the shape; it decides mass and pictures.
       unsupported_pairs: what to do with pairs of geoms that may collide, but have no collision
         function: "error", or "drop" to let them pass through each other with a warning.
 
@@ -76,7 +82,7 @@ def load(
     if unsupported_pairs not in ("error", "drop"):
         raise ValueError(f"unsupported_pairs must be error or drop, got {unsupported_pairs!r}")
     mj = compile_mujoco(source)
-    model = build(mj, unsupported_pairs == "drop", materials)
+    model = build(mj, unsupported_pairs == "drop", materials, sdf)
     budget = contact_budget(mj, model, max_geom_pairs, max_contacts)
     model = model.replace(hessian=hessian, rotations=rotations, contact=contact)
     model = model.replace(backward=backward or Backward())

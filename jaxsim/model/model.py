@@ -76,10 +76,10 @@ class Model:
     The arguments of `jaxsim.load` are fields: how the constraint solver solves with its Hessian
     (`hessian`), the contact law (`contact`), which derivatives a step has (`backward`), the numbers
     of contact slots (`max_contacts`, for each kind of contact) and of geom pairs
-    (`max_geom_pairs`, for each pair of shapes), and how Runge-Kutta averages rotations
-    (`rotations`). Forces that are zero, such as dry friction or
-    drag, are left out of compiled programs. `present` says which may be nonzero, and `replace`
-    updates it; see `jaxsim.model.presence`.
+    (`max_geom_pairs`, for each pair of shapes), how Runge-Kutta averages rotations (`rotations`),
+    and signed distance functions with their parameters (`sdf`, by the name of a geom). Forces that
+    are zero, such as dry friction or drag, are left out of compiled programs. `present` says which
+    may be nonzero, and `replace` updates it; see `jaxsim.model.presence`.
     """
 
     structure: Structure = struct.field(pytree_node=False)
@@ -192,6 +192,7 @@ class Model:
     actuator_delay: Float[Array, "nactuator"] = None  # type: ignore[assignment]
     sensor_delay: Float[Array, "nsensor"] = None  # type: ignore[assignment]
     sensor_interval: Float[Array, "nsensor 2"] = None  # type: ignore[assignment]
+    sdf: dict[str, Any] = struct.field(default_factory=dict)
     hessian: str = struct.field(pytree_node=False, default="auto")
     rotations: str = struct.field(pytree_node=False, default="lie")
     contact: str = struct.field(pytree_node=False, default="mujoco")

@@ -53,8 +53,9 @@ def geom_distance(
     pair = np.array([[_number(model, geom1), _number(model, geom2)]])
     for geom in distance_problems(model, pair):
         raise ModelError(
-            f"{model.names.label('geom', geom)}: no distance can be measured; height fields have "
-            "none, and meshes that cannot collide have no hull, let them collide with something"
+            f"{model.names.label('geom', geom)}: no distance can be measured; height fields and "
+            "signed distance functions have none, and meshes that cannot collide have no hull, let "
+            "them collide with something"
         )
     kin = kinematics(model, state.qpos, state.mocap_pos, state.mocap_quat)
     limit = jnp.full(1, distmax, kin.geom_xpos.dtype)
