@@ -81,7 +81,7 @@ def whole_step(model: Model, state: State, ctrl: Float[Array, "nu"] | None = Non
     advance = functools.partial(_step, model)
     if steps_are_kernels(model) and is_traced((state, ctrl)):
         by_kernel = with_pullback_kernel if model.backward.reverse_only else as_kernel
-        advance = by_kernel(advance)
+        advance = by_kernel(functools.partial(_guarded_step, model), finite_math=True)
     return advance(state, ctrl)
 
 
@@ -102,6 +102,24 @@ def _step(model: Model, state: State, ctrl: Float[Array, "nu"] | None) -> Step:
         ),
         readings=None,
         status=found.status.replace(finite=found.status.finite & jnp.isfinite(numbers).all()),
+    )
+
+
+def _guarded_step(model: Model, state: State, ctrl: Float[Array, "nu"] | None) -> Step:
+    """`_step` for finite math, which may lose a NaN: the result has one if an argument has."""
+    # The solver recovers from a bad warm start, and the time moves nothing.
+    given = jax.tree.leaves((state.replace(qacc_warmstart=(), time=(), time_excess=()), ctrl))
+    nothing = sum(jnp.sum(x - x) for x in given if jnp.issubdtype(x.dtype, jnp.floating))
+    found = _step(model, state, ctrl)
+    after, finite = found.after, found.status.finite & (nothing == 0)
+    return found.replace(
+        after=after.replace(
+            qpos=after.qpos + nothing,
+            qvel=after.qvel + nothing,
+            act=after.act + nothing,
+            qacc_warmstart=after.qacc_warmstart + nothing,
+        ),
+        status=found.status.replace(finite=finite),
     )
 
 

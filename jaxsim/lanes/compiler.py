@@ -41,23 +41,26 @@ class Kernel:
 
 
 @functools.lru_cache(maxsize=64)
-def kernel(program, batched: tuple[bool, ...], single: bool = False) -> Kernel:
+def kernel(
+    program, batched: tuple[bool, ...], finite_math: bool = False, *, single: bool = False
+) -> Kernel:
     """Compile a program of one lane for this machine's CPU.
 
     Args:
       program: a closed jaxpr.
       batched: which operands each lane has of its own.
+      finite_math: as for `as_kernel`.
       single: whether there is one lane only.
 
     Raises:
       NotImplementedError: the program has something that this compiler does not know, or this JAX
         has another interface.
     """
-    key = _key(program, batched, single, processor())
+    key = _key(program, batched, finite_math, single, processor())
     if key not in _REGISTERED:
         stored = cache.load(key)
         if stored is None:
-            text, width = source(program, batched, single)
+            text, width = source(program, batched, finite_math, single=single)
             stored = width.to_bytes(1) + object_code(text)
             cache.save(key, stored)
         _register(key, stored[0], "cpu", Loaded(stored[1:]))
@@ -65,23 +68,24 @@ def kernel(program, batched: tuple[bool, ...], single: bool = False) -> Kernel:
 
 
 @functools.lru_cache(maxsize=64)
-def gpu_kernel(program, batched: tuple[bool, ...], capability: int) -> Kernel:
+def gpu_kernel(program, batched: tuple[bool, ...], finite_math: bool, capability: int) -> Kernel:
     """Compile a program of one lane for GPUs of CUDA, a thread for each lane.
 
     Args:
       program: a closed jaxpr.
       batched: which operands each lane has of its own.
+      finite_math: as for `as_kernel`.
       capability: of the devices, 90 for 9.0.
 
     Raises:
       NotImplementedError: as `kernel`, or there is no driver or no libdevice.
     """
-    key = _key(program, batched, "gpu", capability)
+    key = _key(program, batched, finite_math, "gpu", capability)
     if key not in _REGISTERED:
         count = len(program.in_avals), len(program.out_avals)
         stored = cache.load(key)
         if stored is None:
-            emitter = _emitter(program, batched, 1, ptx.POINTERS, ptx.LONGEST)
+            emitter = _emitter(program, batched, finite_math, 1, ptx.POINTERS, ptx.LONGEST)
             stored = ptx.code(emitter, sum(count), capability)
             cache.save(key, stored)
         device = driver.Loaded(stored)
@@ -116,27 +120,35 @@ def _sources() -> str:
     return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
 
 
-def source(program, batched: tuple[bool, ...], single: bool = False) -> tuple[str, int]:
+def source(
+    program, batched: tuple[bool, ...], finite_math: bool = False, *, single: bool = False
+) -> tuple[str, int]:
     """LLVM's text of a program for a CPU, and how many lanes its groups have."""
-    emitter = _emitter(program, batched, 1 if single else None)
+    emitter = _emitter(program, batched, finite_math, 1 if single else None)
     count = len(program.in_avals), len(program.out_avals)
     text = emitter.module(), handler(*count, emitter.width, emitter.frame_bytes)
     return "\n".join(text), emitter.width
 
 
 def _emitter(
-    program, batched, width: int | None, pointers: Pointers = CPU, longest: int = PIECE
+    program,
+    batched,
+    finite_math: bool,
+    width: int | None,
+    pointers: Pointers = CPU,
+    longest: int = PIECE,
 ) -> Emitter:
     """A program in the compiler's own terms and in order.
 
     Args:
       program: a closed jaxpr.
       batched: which operands each lane has of its own.
+      finite_math: as for `as_kernel`.
       width: lanes of a group; None for those of a vector.
       pointers: types of addresses.
       longest: operations of a piece, at most.
     """
-    graph, kinds, values = Builder(), [], []
+    graph, kinds, values = Builder(finite_math), [], []
     for k, (aval, own) in enumerate(zip(program.in_avals, batched, strict=True)):
         kind = code(aval.dtype)
         ids = graph.leaf(INPUT, kind, aval.size, k, uniform=not own)

@@ -21,7 +21,7 @@ from jaxsim.batching.interpret import Lanes
 from jaxsim.batching.primitives.jvp_rule import moving_leaves
 
 
-def as_kernel(f: Callable, largest: int | None = None) -> Callable:
+def as_kernel(f: Callable, largest: int | None = None, *, finite_math: bool = False) -> Callable:
     """The same function, compiled as one kernel where it is mapped over a batch.
 
     It means what `f` means, under `jit`, `vmap` and derivatives. It pays for functions of some
@@ -32,6 +32,9 @@ def as_kernel(f: Callable, largest: int | None = None) -> Callable:
     Args:
       f: a function of pytrees of arrays, written for one element.
       largest: the most scalars that its program may compute; None for `tuning.KERNEL_SCALARS`.
+      finite_math: whether a product with a number known to be zero is zero, even of NaN. Axes and
+        inertias have many zeros. The function has to say itself what it returns for arguments that
+        are not finite.
     """
 
     @functools.wraps(f)
@@ -41,7 +44,7 @@ def as_kernel(f: Callable, largest: int | None = None) -> Callable:
         flat = lambda *xs: f(*jax.tree.unflatten(tree, xs))  # noqa: E731
         traced, shapes = jax.make_jaxpr(flat, return_shape=True)(*kinds)
         fits = _fits(traced, tuning.KERNEL_SCALARS if largest is None else largest)
-        results = _bind(traced, leaves) if fits else _evaluate(*leaves, program=traced)
+        results = _bind(traced, leaves, finite_math) if fits else _evaluate(*leaves, program=traced)
         return jax.tree.unflatten(jax.tree.structure(shapes), results)
 
     return call
@@ -53,7 +56,7 @@ def _fits(traced, largest: int) -> bool:
     return known and jaxprs.num_scalars(eqns) <= largest and not jaxprs.has_keys(eqns)
 
 
-def _bind(traced, leaves: Sequence) -> list:
+def _bind(traced, leaves: Sequence, finite_math: bool) -> list:
     """One equation for what is computed; results that are operands pass it by."""
     jaxpr = traced.jaxpr
     known = dict(zip(jaxpr.invars, leaves, strict=True))
@@ -64,7 +67,8 @@ def _bind(traced, leaves: Sequence) -> list:
     program = traced.replace(
         jaxpr=jaxpr.replace(outvars=computed, debug_info=_debug(jaxpr, computed))
     )
-    found = dict(zip(computed, lane_call_p.bind(*leaves, program=program), strict=True))
+    results = lane_call_p.bind(*leaves, program=program, finite_math=finite_math)
+    found = dict(zip(computed, results, strict=True))
     return [
         jnp.asarray(v.val, v.aval.dtype) if isinstance(v, jex.Literal) else {**known, **found}[v]
         for v in jaxpr.outvars
@@ -76,15 +80,15 @@ def _debug(jaxpr, computed):
     return jex.DebugInfo("kernel", "jaxsim.lanes", *names)
 
 
-def _evaluate(*xs, program):
+def _evaluate(*xs, program, finite_math=False):
     return jex.jaxpr_as_fun(program)(*xs)
 
 
-def _types(*kinds, program):
+def _types(*kinds, program, finite_math):
     return [jaxprs.varying_like(kind, *kinds) for kind in program.out_avals]
 
 
-def _jvp(primals, tangents, *, program):
+def _jvp(primals, tangents, *, program, finite_math):
     return _moving_jvp(functools.partial(_evaluate, program=program), primals, tangents)
 
 
@@ -95,47 +99,48 @@ def _moving_jvp(f: Callable, primals, tangents):
     return jax.jvp(lambda *xs: f(*with_leaves(*xs)), moved, given)
 
 
-def _batch(values, axes, *, program):
+def _batch(values, axes, *, program, finite_math):
     """`jax.vmap`: the lanes go to the end."""
     size = next(x.shape[a] for x, a in zip(values, axes, strict=True) if a is not None)
     moved = [x if a is None else jnp.moveaxis(x, a, -1) for x, a in zip(values, axes, strict=True)]
     flags = tuple(a is not None for a in axes)
-    results = lane_batch_p.bind(*moved, program=program, flags=flags, size=size)
+    results = lane_batch_p.bind(
+        *moved, program=program, flags=flags, size=size, finite_math=finite_math
+    )
     return results, [x.ndim - 1 for x in results]
 
 
 def _rule(lanes, eqn, values, flags):
     """`jaxsim.vmap`: the lanes are there already."""
-    program = eqn.params["program"]
-    return lane_batch_p.bind(*values, program=program, flags=tuple(flags), size=lanes.size)
+    return lane_batch_p.bind(*values, **eqn.params, flags=tuple(flags), size=lanes.size)
 
 
-def _alone(*xs, program, made_for: Callable):
+def _alone(*xs, program, finite_math, made_for: Callable):
     """One lane."""
-    made = _or_none(made_for, program, (True,) * len(xs))
+    made = _or_none(made_for, program, (True,) * len(xs), finite_math)
     if made is None:
         return _evaluate(*xs, program=program)
     shapes = [jax.ShapeDtypeStruct((*a.shape, 1), a.dtype) for a in program.out_avals]
     return [x[..., 0] for x in jax.ffi.ffi_call(made.name, shapes)(*[x[..., None] for x in xs])]
 
 
-def _scalar_kernel(program, flags: tuple[bool, ...]):
+def _scalar_kernel(program, flags: tuple[bool, ...], finite_math: bool):
     from jaxsim.lanes.compiler import kernel
 
-    return kernel(program, flags, single=True)
+    return kernel(program, flags, finite_math, single=True)
 
 
-def _vector_kernel(program, flags: tuple[bool, ...]):
+def _vector_kernel(program, flags: tuple[bool, ...], finite_math: bool):
     from jaxsim.lanes.compiler import kernel
 
-    return kernel(program, flags)
+    return kernel(program, flags, finite_math)
 
 
-def _thread_kernel(program, flags: tuple[bool, ...]):
+def _thread_kernel(program, flags: tuple[bool, ...], finite_math: bool):
     from jaxsim.lanes.compiler import gpu_kernel
     from jaxsim.lanes.gpu import driver
 
-    return gpu_kernel(program, flags, driver.capability())
+    return gpu_kernel(program, flags, finite_math, driver.capability())
 
 
 def _or_none(make: Callable, *args):
@@ -168,7 +173,7 @@ def _warn(reason: str) -> None:
 
 lane_call_p = jex.Primitive("lane_call")
 lane_call_p.multiple_results = True
-lane_call_p.def_impl(jax.jit(lane_call_p.bind, static_argnames="program"))
+lane_call_p.def_impl(jax.jit(lane_call_p.bind, static_argnames=("program", "finite_math")))
 lane_call_p.def_abstract_eval(_types)
 ad.primitive_jvps[lane_call_p] = _jvp
 batching.primitive_batchers[lane_call_p] = _batch
@@ -178,21 +183,21 @@ mlir.register_lowering(lane_call_p, _lowering(_alone, _thread_kernel, _evaluate)
 registry.register("lane_call", rule=_rule)
 
 
-def _batch_types(*kinds, program, flags, size):
+def _batch_types(*kinds, program, flags, size, finite_math):
     return [
         jaxprs.varying_like(a.update(shape=(*a.shape, size)), *kinds) for a in program.out_avals
     ]
 
 
-def _by_xla(*xs, program, flags, size):
+def _by_xla(*xs, program, flags, size, finite_math=False):
     """All lanes as XLA's program."""
     lanes = Lanes(size)
     return lanes.evaluate_full(forms.program(program), list(xs), list(flags))
 
 
-def _by_kernel(*xs, program, flags, size, made_for: Callable):
+def _by_kernel(*xs, program, flags, size, finite_math, made_for: Callable):
     """All lanes as one kernel; a batch shorter than a group is filled up with its last lane."""
-    made = _or_none(made_for, program, flags)
+    made = _or_none(made_for, program, flags, finite_math)
     if made is None:
         return _by_xla(*xs, program=program, flags=flags, size=size)
     rows = max(made.width, size)
@@ -208,7 +213,7 @@ def _batch_jvp(primals, tangents, **params):
     return _moving_jvp(functools.partial(_by_xla, **params), primals, tangents)
 
 
-def _more_lanes(values, axes, *, program, flags, size):
+def _more_lanes(values, axes, *, program, flags, size, finite_math):
     """`jax.vmap` of a batch: a longer one."""
     more = next(x.shape[a] for x, a in zip(values, axes, strict=True) if a is not None)
     wide, now = [], []
@@ -221,14 +226,18 @@ def _more_lanes(values, axes, *, program, flags, size):
         x = x if on else x[..., None, :]
         x = jnp.broadcast_to(x, (*x.shape[:-2], size, more))
         wide.append(x.reshape(*x.shape[:-2], size * more))
-    results = lane_batch_p.bind(*wide, program=program, flags=tuple(now), size=size * more)
+    results = lane_batch_p.bind(
+        *wide, program=program, flags=tuple(now), size=size * more, finite_math=finite_math
+    )
     results = [x.reshape(*x.shape[:-1], size, more) for x in results]
     return results, [x.ndim - 1 for x in results]
 
 
 lane_batch_p = jex.Primitive("lane_batch")
 lane_batch_p.multiple_results = True
-lane_batch_p.def_impl(jax.jit(lane_batch_p.bind, static_argnames=("program", "flags", "size")))
+lane_batch_p.def_impl(
+    jax.jit(lane_batch_p.bind, static_argnames=("program", "flags", "size", "finite_math"))
+)
 lane_batch_p.def_abstract_eval(_batch_types)
 ad.primitive_jvps[lane_batch_p] = _batch_jvp
 batching.primitive_batchers[lane_batch_p] = _more_lanes

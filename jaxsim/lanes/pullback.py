@@ -11,7 +11,7 @@ from jaxsim.arrays import tuning
 from jaxsim.lanes.primitive import as_kernel
 
 
-def with_pullback_kernel(f: Callable) -> Callable:
+def with_pullback_kernel(f: Callable, *, finite_math: bool = False) -> Callable:
     """`as_kernel(f)`, whose derivative in reverse mode is a kernel, too.
 
     Between the two passes only the arguments are stored; the second kernel evaluates `f` again. It
@@ -20,23 +20,24 @@ def with_pullback_kernel(f: Callable) -> Callable:
 
     Args:
       f: as for `as_kernel`.
+      finite_math: as for `as_kernel`; cotangents are NaN if an argument or a cotangent is.
     """
 
     @jax.custom_vjp
     def call(*args):
-        return as_kernel(f)(*args)
+        return as_kernel(f, finite_math=finite_math)(*args)
 
     def forward(*args):
         return call(*args), args
 
     def backward(args, cotangents):
-        return _pull(f, args, cotangents)
+        return _pull(f, args, cotangents, finite_math)
 
     call.defvjp(forward, backward)
     return call
 
 
-def _pull(f: Callable, args: tuple, cotangents: Any) -> tuple:
+def _pull(f: Callable, args: tuple, cotangents: Any, finite_math: bool) -> tuple:
     """The cotangents of the arguments; a kernel has no place for those of integers."""
     places, structure = jax.tree.flatten(cotangents)
     given = [c for c in places if _moves(c)]
@@ -45,10 +46,16 @@ def _pull(f: Callable, args: tuple, cotangents: Any) -> tuple:
         rest = iter(given)
         full = [next(rest) if _moves(c) else np.zeros(c.shape, c.dtype) for c in places]
         found = jax.vjp(f, *args)[1](structure.unflatten(full))
-        return [c for c in jax.tree.leaves(found) if _moves(c)]
+        found = [c for c in jax.tree.leaves(found) if _moves(c)]
+        if not finite_math:
+            return found
+        numbers = [x for x in jax.tree.leaves((args, given)) if _smooth(x)]
+        nothing = sum(jnp.sum(x - x) for x in numbers)
+        return [c + nothing for c in found]
 
     leaves, structure_of_args = jax.tree.flatten(args)
-    found = iter(as_kernel(pullback, tuning.PULLBACK_SCALARS)(args, given))
+    kernel = as_kernel(pullback, tuning.PULLBACK_SCALARS, finite_math=finite_math)
+    found = iter(kernel(args, given))
     return structure_of_args.unflatten(
         [next(found) if _smooth(x) else np.zeros(x.shape, jax.dtypes.float0) for x in leaves]
     )

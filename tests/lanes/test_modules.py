@@ -67,7 +67,7 @@ def test_modules_together_are_the_program(monkeypatch):
 def modules(count):
     """PTX of the program in modules."""
     program = jax.make_jaxpr(f)(jnp.ones(3))
-    emitter = compiler._emitter(program, (True,), 1, ptx.POINTERS, SHORT)
+    emitter = compiler._emitter(program, (True,), False, 1, ptx.POINTERS, SHORT)
     text = ptx.program(emitter, 2)
     defined = re.findall(r"^define [^@]*@(\w+)", text, re.MULTILINE)
     parts = divide(text, count)

@@ -96,6 +96,36 @@ def test_nan_in_nan_out():
     assert_same(quick_jit(jax.vmap(as_kernel(h)))(x), quick_jit(jax.vmap(h))(x))
 
 
+def _operations(f, **options) -> str:
+    kind = jax.ShapeDtypeStruct((), jnp.float32)
+    return compiler.source(jax.make_jaxpr(f)(kind), (True,), single=True, **options)[0]
+
+
+def test_finite_math():
+    """Products with a known zero are zero where that is asked for, within other kernels as well."""
+    vanishes = as_kernel(lambda x: (x * 0.0, x + 1), finite_math=True)
+    found = quick_jit(lambda x: (*vanishes(x), x * 0.0))(jnp.float32(np.nan))
+    np.testing.assert_array_equal(found, [0, np.nan, np.nan])
+    outer = quick_jit(as_kernel(lambda x: (*vanishes(x), x * 0.0)))
+    np.testing.assert_array_equal(outer(jnp.float32(np.nan)), [0, np.nan, np.nan])
+    product = lambda x: jnp.sin(x) * 0 + x  # noqa: E731
+    assert "call float @sin_f32" in _operations(product)
+    assert "call float @sin_f32" not in _operations(product, finite_math=True)
+
+
+def test_small_powers_are_products():
+    """As exponentials of logarithms, they have the same ends."""
+    x = jnp.asarray([-np.inf, -2, -0.0, 0, 1e-3, 0.7, 30, np.inf, np.nan], jnp.float32)
+    for n in (2, 3, 4, 2.5):
+
+        def power(x, n=n):
+            return jnp.exp(n * jnp.log(x))
+
+        assert ("@log_f32" in _operations(power)) == (n == 2.5)
+        found = quick_jit(jax.vmap(as_kernel(power)))(x)
+        np.testing.assert_allclose(found, quick_jit(jax.vmap(power))(x), rtol=1e-5)
+
+
 def test_what_is_unknown_stays_with_xla(monkeypatch):
     def fails(*args):
         raise NotImplementedError("this")

@@ -17,7 +17,7 @@ from jaxsim.lanes.gpu import driver, ptx
 def text(f, *args, longest=ptx.LONGEST):
     program = jax.make_jaxpr(f)(*args)
     batched = (True,) * len(program.in_avals)
-    emitter = compiler._emitter(program, batched, 1, ptx.POINTERS, longest)
+    emitter = compiler._emitter(program, batched, False, 1, ptx.POINTERS, longest)
     return ptx.ptx(ptx.program(emitter, len(program.in_avals) + len(program.out_avals)), 90)
 
 

@@ -1,8 +1,13 @@
 """Builds a program of scalar operations: folds, simplifies and shares whole arrays of them.
 
-No simplification changes a number or hides a NaN. So 0 x stays a product unless x is known, and
-x + 0 becomes x, which differs in the sign of a zero alone.
+No simplification changes a number by more than rounding or hides a NaN. So 0 x stays a product
+unless x is known or the program asks for finite math; x + 0 becomes x, which differs in the sign of
+a zero alone.
 """
+
+import contextlib
+import functools
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -11,9 +16,27 @@ from jaxsim.lanes.program.graph import CONST, LOAD, Graph
 from jaxsim.lanes.program.scalars import COMMUTATIVE, COMPARISONS, OPS
 from jaxsim.lanes.program.types import BOOL, DTYPES, code
 
+SMALL_POWERS = (2, 3, 4)
+
 
 class Builder(Graph):
-    """A graph to which operations are applied elementwise, on arrays of nodes."""
+    """A graph to which operations are applied elementwise, on arrays of nodes.
+
+    Args:
+      finite_math: whether 0 x is 0.
+    """
+
+    def __init__(self, finite_math: bool = False):
+        super().__init__()
+        self._finite_math = finite_math
+
+    @contextlib.contextmanager
+    def finite_math_if(self, wanted: bool) -> Iterator[None]:
+        """Finite math for a part of the program, if wanted there or around it."""
+        before = self._finite_math
+        self._finite_math = before or wanted
+        yield
+        self._finite_math = before
 
     def apply(self, name: str, *operands) -> np.ndarray:
         """An operation on arrays of nodes, which are broadcast; its results as nodes."""
@@ -113,7 +136,7 @@ class Builder(Graph):
         )
 
     def _simplify_mul(self, a, b):
-        integers = DTYPES[self.type[a[0]]].kind != "f"
+        vanishes = self._finite_math or DTYPES[self.type[a[0]]].kind != "f"
         zero = lambda w: self.like(a, 0)  # noqa: E731
         return self._choose(
             len(a),
@@ -121,19 +144,32 @@ class Builder(Graph):
             (self._equals(b, 1), lambda w: a[w]),
             (self._equals(a, -1), lambda w: self.apply("neg", b[w])),
             (self._equals(b, -1), lambda w: self.apply("neg", a[w])),
-            ((self._equals(a, 0) | self._equals(b, 0)) & integers, zero),
+            ((self._equals(a, 0) | self._equals(b, 0)) & vanishes, zero),
         )
 
     def _simplify_div(self, a, b):
-        mantissa, _ = np.frexp(self.number[b])
         floats = DTYPES[self.type[a[0]]].kind == "f"
-        exact = (self.op[b] == CONST) & (abs(mantissa) == 0.5) & (abs(self.number[b]) < 1e30)
+        size = abs(self.number[b])
+        known = (self.op[b] == CONST) & (size > 1e-30) & (size < 1e30)
         inverse = lambda w: self.constants(1 / self.values(b[w]))  # noqa: E731
         return self._choose(
             len(a),
             (self._equals(b, 1), lambda w: a[w]),
-            (exact & floats, lambda w: self.apply("mul", a[w], inverse(w))),
+            (known & floats, lambda w: self.apply("mul", a[w], inverse(w))),
         )
+
+    def _simplify_exp(self, a):
+        """`exp(n log x)`, a power as XLA vectorises it, with a small n that is known."""
+        out = np.full(len(a), -1, np.int32)
+        for i in np.flatnonzero(self._has(a, "mul")):
+            n, log = sorted(self.args[a[i], :2], key=lambda node: self.op[node] != CONST)
+            power = self.number[n] if self.op[n] == CONST else 0
+            if power in SMALL_POWERS and self.op[log] == OPS["log"]:
+                x = self.args[log, 0]
+                product = functools.reduce(functools.partial(self.apply, "mul"), [x] * int(power))
+                negative = self.apply("lt", x, self.like(x, 0))
+                out[i] = self.apply("select", negative, self.like(x, np.nan), product)
+        return out
 
     def _simplify_neg(self, a):
         return self._choose(len(a), (self._has(a, "neg"), lambda w: self.args[a[w], 0]))

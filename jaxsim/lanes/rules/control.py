@@ -26,7 +26,6 @@ LARGEST_STACK = 1_024
     "custom_jvp_call",
     "custom_vjp_call",
     "custom_vjp_call_jaxpr",
-    "lane_call",
     "own_kernel",
     "jvp_rule",
     "one_at_a_time",
@@ -38,6 +37,14 @@ def call(t, eqn, *values):
         program = eqn.params.get("program")
         return None if program is None else evaluate(t, forms.program(program), values)
     return evaluate(t, form.body, values)
+
+
+@rule("lane_call")
+def lane_call(t, eqn, *values):
+    """A kernel within this one."""
+    program = forms.program(eqn.params["program"])
+    with t.finite_math_if(eqn.params["finite_math"]):
+        return evaluate(t, program, values)
 
 
 @rule("custom_linear_solve")
