@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from jaxsim.lanes.code.schedule import ALL_LANES, Move, Piece
-from jaxsim.lanes.program.graph import CONST, INPUT, LOAD, PACK
+from jaxsim.lanes.program.graph import ADD_AT, CONST, INPUT, LOAD, PACK
 from jaxsim.lanes.program.liveness import operands
 from jaxsim.lanes.program.scalars import name_of
 from jaxsim.lanes.program.types import BOOL, DTYPES, INT32, scalar_name
@@ -80,10 +80,13 @@ class Body:
         return min(64, self.e.slot_bytes)
 
     def _store_slot(self, slot: int, value: str, kind: int) -> None:
+        self._store_vector(self._slot(slot), value, kind)
+
+    def _store_vector(self, address: str, value: str, kind: int) -> None:
         memory = self._memory_type(kind)
         if kind == BOOL:
             value = self._emit(f"sext {self.code.vector(BOOL)} {value} to {memory}")
-        place = f"{self.frame} {self._slot(slot)}"
+        place = f"{self.frame} {address}"
         self.out.append(f"  store {memory} {value}, {place}, align {self._align()}")
 
     def _base(self, k: int) -> str:
@@ -127,8 +130,8 @@ class Body:
 
     def _node(self, node: int) -> None:
         g, op = self.g, int(self.g.op[node])
-        if op == PACK:
-            self._pack(node)
+        if op in (PACK, ADD_AT):
+            self._pack(node) if op == PACK else self._add_at(node)
             return
         if op == LOAD:
             self.names[node] = self._load(node)
@@ -163,9 +166,24 @@ class Body:
         for i, element in enumerate(elements.tolist()):
             self._store_slot(self.slots[node] + i, self.name(element), kind)
 
+    def _add_at(self, node: int) -> None:
+        g, kind, slot = self.g, int(self.g.type[node]), self.slots[node]
+        before, start, number = g.args[node].tolist()
+        if before < 0:
+            for i in range(int(g.integer[node])):
+                self._store_slot(slot + i, self.code.splat(0, kind), kind)
+            return
+        address = self._uniform_address(slot, start, int(g.integer[node]))
+        old, sum_ = self._load_vector(address, kind), self.code.fresh()
+        lines = self.code.operation(sum_, "add", [kind, kind], kind, [old, self.name(number)])
+        self.out += ["  " + line for line in lines]
+        self._store_vector(address, sum_, kind)
+
     def _load(self, node: int) -> str:
         g, kind = self.g, int(self.g.type[node])
         pack, index, offset = g.args[node].tolist()
+        if g.op[pack] == ADD_AT:
+            return self._load_slot(self.slots[pack] + offset, kind)
         constant = bool(g.is_const(g.packs[g.args[pack, 0]]).all())
         if g.uniform[index]:
             return self._load_uniform(pack, index, offset, constant, kind)
@@ -200,18 +218,24 @@ class Body:
         return self._truth(value) if kind == BOOL else value
 
     def _load_uniform(self, pack: int, index: int, offset: int, constant: bool, kind: int) -> str:
-        place = self.name(index)
-        if self.e.width > 1:
-            place = self._emit(f"extractelement {self.code.vector(INT32)} {place}, i32 0")
-        place = self._emit(f"add i32 {place}, {offset}")
         if not constant:
-            byte = self._emit(f"mul i32 {place}, {self.e.slot_bytes}")
-            base = f"{self.frame} {self._slot(self.slots[pack])}"
-            return self._load_vector(self._emit(f"getelementptr i8, {base}, i32 {byte}"), kind)
+            return self._load_vector(self._uniform_address(self.slots[pack], index, offset), kind)
+        place = self._uniform_place(index, offset)
         scalar = "i32" if kind == BOOL else scalar_name(kind)
         address = self._emit(f"getelementptr {scalar}, ptr {self.e.table(pack)}, i32 {place}")
         value = self._emit(f"load {scalar}, ptr {address}")
         return self._spread(value, scalar, kind)
+
+    def _uniform_place(self, index: int, offset: int) -> str:
+        """A place in an array, which all lanes share, as one number."""
+        place = self.name(index)
+        if self.e.width > 1:
+            place = self._emit(f"extractelement {self.code.vector(INT32)} {place}, i32 0")
+        return self._emit(f"add i32 {place}, {offset}")
+
+    def _uniform_address(self, slot: int, index: int, offset: int) -> str:
+        byte = self._emit(f"mul i32 {self._uniform_place(index, offset)}, {self.e.slot_bytes}")
+        return self._emit(f"getelementptr i8, {self.frame} {self._slot(slot)}, i32 {byte}")
 
     def _mask(self, mask: int) -> str:
         if mask == ALL_LANES:

@@ -11,6 +11,7 @@ import heapq
 import numpy as np
 
 from jaxsim.lanes.program.graph import (
+    ADD_AT,
     CONST,
     CONTROL,
     INPUT,
@@ -279,24 +280,29 @@ class Schedule:
     def _places(self) -> tuple[dict[int, int], int]:
         """Places for what lives beyond its piece; loops keep alive what they read."""
         spans, alias = self._lifetimes()
-        free: list[int] = []
-        ends: list[tuple[int, int]] = []
+        free: dict[int, list[int]] = {}
+        ends: list[tuple[int, int, int]] = []
         slots, size = {}, 0
         for node, (first, last) in sorted(spans.items(), key=lambda item: item[1][0]):
             while ends and ends[0][0] < first:
-                heapq.heappush(free, heapq.heappop(ends)[1])
-            if node >= 0 and self.graph.op[node] == PACK:
-                slots[node] = size
-                size += len(self.graph.packs[self.graph.args[node, 0]])
-                continue
-            if free:
-                slot = heapq.heappop(free)
+                _, slot, length = heapq.heappop(ends)
+                heapq.heappush(free.setdefault(length, []), slot)
+            length = self._length(node)
+            if free.get(length):
+                slot = heapq.heappop(free[length])
             else:
-                slot, size = size, size + 1
+                slot, size = size, size + length
             slots[node] = slot
-            heapq.heappush(ends, (last, slot))
+            heapq.heappush(ends, (last, slot, length))
         slots.update({result: slots[param] for result, param in alias.items()})
         return slots, size
+
+    def _length(self, node: int) -> int:
+        """Places that a node takes; an array takes one for each element."""
+        g = self.graph
+        if node >= 0 and g.op[node] == PACK:
+            return len(g.packs[g.args[node, 0]])
+        return int(g.integer[node]) if node >= 0 and g.op[node] == ADD_AT else 1
 
     def _lifetimes(self) -> tuple[dict[int, list[int]], dict[int, int]]:
         g, spans = self.graph, {node: list(span) for node, span in self._spans.items()}
@@ -307,13 +313,17 @@ class Schedule:
             for k in self._live_params(c)
         }
         home = {n: piece.position for piece in self.pieces for n in piece.nodes}
+        for n in home:  # Sums follow each other in one array, that of the first.
+            if g.op[n] == ADD_AT and g.args[n, 0] >= 0:
+                before = int(g.args[n, 0])
+                alias[n] = alias.get(before, before)
 
         def use(node: int, position: int):
             node = alias.get(node, node)
             if node >= 0 and g.op[node] in (CONST, INPUT):
                 return
             first = spans[node][0] if node in spans else home[node]
-            if position == first and node not in spans and g.op[node] != PACK:
+            if position == first and node not in spans and g.op[node] not in (PACK, ADD_AT):
                 return
             for start, end in self.loops:
                 if start <= position <= end and not start <= first <= end:
@@ -323,7 +333,7 @@ class Schedule:
 
         for piece in self.pieces:
             for node in piece.nodes:
-                if g.op[node] == PACK:
+                if g.op[node] in (PACK, ADD_AT):
                     use(node, piece.position)
                 for a in operands(g, node):
                     use(a, piece.position)

@@ -28,15 +28,15 @@ class Builder(Graph):
 
     def __init__(self, finite_math: bool = False):
         super().__init__()
-        self._finite_math = finite_math
+        self.finite_math = finite_math
 
     @contextlib.contextmanager
     def finite_math_if(self, wanted: bool) -> Iterator[None]:
         """Finite math for a part of the program, if wanted there or around it."""
-        before = self._finite_math
-        self._finite_math = before or wanted
+        before = self.finite_math
+        self.finite_math = before or wanted
         yield
-        self._finite_math = before
+        self.finite_math = before
 
     def apply(self, name: str, *operands) -> np.ndarray:
         """An operation on arrays of nodes, which are broadcast; its results as nodes."""
@@ -136,7 +136,7 @@ class Builder(Graph):
         )
 
     def _simplify_mul(self, a, b):
-        vanishes = self._finite_math or DTYPES[self.type[a[0]]].kind != "f"
+        vanishes = self.finite_math or DTYPES[self.type[a[0]]].kind != "f"
         zero = lambda w: self.like(a, 0)  # noqa: E731
         return self._choose(
             len(a),

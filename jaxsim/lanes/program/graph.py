@@ -15,7 +15,7 @@ import numpy as np
 
 from jaxsim.lanes.program.types import DTYPES, code
 
-CONST, INPUT, PARAM, RESULT, CONTROL, PACK, LOAD = range(7)
+CONST, INPUT, PARAM, RESULT, CONTROL, PACK, LOAD, ADD_AT = range(8)
 FIRST_OPERATION = 8
 
 
@@ -140,6 +140,28 @@ class Graph:
             self.args[ids, 0] = a
             self.args[ids, 1] = np.arange(first, first + count)
         return ids
+
+    def sums_at(self, starts: np.ndarray, rows: np.ndarray, size: int) -> np.ndarray:
+        """An array of zeros in memory, to which rows are added where each starts.
+
+        Each sum is a node that follows the one before, in the current block: it changes the array.
+
+        Args:
+          starts: (n,) places, the same in all lanes, within the array.
+          rows: (n, k) what is added at each place and the ones after it.
+          size: of the array.
+        """
+        kind = int(self.type[rows[0, 0]])
+        last = self._append(ADD_AT, kind, self.current, False)
+        self.integer[last] = size
+        for start, row in zip(starts.tolist(), rows.tolist(), strict=True):
+            for offset, number in enumerate(row):
+                node = self._append(ADD_AT, kind, self.current, False)
+                self.args[node], self.integer[node] = (last, start, number), offset
+                last = node
+        zero = int(self.constants(np.int32(0)))
+        where = np.stack([np.full(size, last), np.full(size, zero)]).astype(np.int32)
+        return self.intern(LOAD, kind, where, np.arange(size))
 
     def pack(self, elements: np.ndarray) -> int:
         """An array in memory, for an index that is known only at run time."""

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from jaxsim.lanes.program.scalars import OPS
 from jaxsim.lanes.program.types import BOOL
 from jaxsim.lanes.translate import rule
 
@@ -87,9 +88,49 @@ def dot_general(t, eqn, a, b):
     if not size:
         return np.broadcast_to(t.constants(np.zeros((), dtype)), eqn.outvars[0].aval.shape)
     ones = lambda axes: (1,) * len(axes)  # noqa: E731
+    if t.finite_math and not batch and len(ac) == 1:
+        left, right = a.transpose([*ac, *am]), b.transpose([*bc, *bm])
+        sums = _sums_of_rows(t, left, right)
+        if sums is not None:
+            return sums
+        sums = _sums_of_rows(t, right, left)
+        if sums is not None:
+            return np.moveaxis(sums, 0, -1)
     a = a.transpose([*ac, *ab, *am]).reshape(size, *batch, *rows, *ones(bm))
     b = b.transpose([*bc, *bb, *bm]).reshape(size, *batch, *ones(am), *columns)
     return accumulate(t, "add", t.apply("mul", a, b))
+
+
+def _sums_of_rows(t, ones, rows):
+    """`ones.T @ rows` by sums in memory, where each row of `ones` has a one at a place.
+
+    The places are known at run time and the same in all lanes. None if this is not so.
+    """
+    if ones.ndim != 2 or not ones.size or not rows.size:
+        return None
+    if not (t.op[ones] == OPS["convert"]).all():
+        return None
+    flag = t.args[ones, 0]
+    if not (t.op[flag] == OPS["eq"]).all():
+        return None
+    place, column = t.args[flag, 0], t.args[flag, 1]
+    count = ones.shape[1]
+    known = t.is_const(column).all() and (t.values(column) == np.arange(count)).all()
+    if not (known and (place == place[:, :1]).all() and t.uniform[place].all()):
+        return None
+    place = place[:, 0]
+    inside = t.apply(
+        "and", t.apply("ge", place, t.like(place, 0)), t.apply("lt", place, t.like(place, count))
+    )
+    flat = rows.reshape(len(rows), -1)
+    size = flat.shape[1]
+    # Rows without a place are added after the last.
+    start = t.apply(
+        "mul", t.apply("select", inside, place, t.like(place, count)), t.like(place, size)
+    )
+    start = t.convert(start, np.dtype(np.int32))
+    sums = t.sums_at(start, flat, (count + 1) * size)[: count * size]
+    return sums.reshape(count, *rows.shape[1:])
 
 
 @rule("sort")
