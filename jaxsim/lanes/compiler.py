@@ -148,7 +148,7 @@ def _emitter(
       pointers: types of addresses.
       longest: operations of a piece, at most.
     """
-    graph, kinds, values = Builder(finite_math), [], []
+    graph, kinds, values = Builder(finite_math, pointers is CPU), [], []
     for k, (aval, own) in enumerate(zip(program.in_avals, batched, strict=True)):
         kind = code(aval.dtype)
         ids = graph.leaf(INPUT, kind, aval.size, k, uniform=not own)

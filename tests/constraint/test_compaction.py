@@ -11,6 +11,7 @@ from oracle import quick_jit
 import jaxsim
 from jaxsim.arrays import tuning
 from jaxsim.constraint import compaction
+from jaxsim.lanes import switch
 
 PLATES = 3  # of four balls each
 PLATE = """<body pos="{x} 0 0"><joint type="free"/>
@@ -60,7 +61,7 @@ def both_ways(cone, condim):
     """The model, and its program with and without a shorter one in it."""
     model = load(cone, condim)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tuning, "COMPACTION_CONTACTS", 1000)
+        patch.setattr(tuning, "COMPACTION_FACTOR", 1000)
         whole = compiled(model)
     return model, compiled(model), whole
 
@@ -93,6 +94,28 @@ def test_the_shorter_program_runs_where_few_contacts_push(monkeypatch, standing,
     assert (vertical[0, 0] < -9) == shorter
 
 
+@pytest.mark.parametrize(("standing", "slots"), [(1, 4), (2, 8), (3, 12)])
+def test_kernels_take_the_smallest_solve_that_is_enough(monkeypatch, standing, slots):
+    """Solves with other numbers of slots are made wrong ones."""
+    pytest.importorskip("llvmlite")
+    monkeypatch.setattr(switch, "_enabled", True)
+    model = load()
+    batch = states(model, [standing, 1, 0])
+    kept = compaction._kept
+
+    def wrong_for_others(kind, index, exists):
+        found = kept(kind, index, exists)
+        return found if len(index) == slots else jax.tree.map(jnp.zeros_like, found)
+
+    monkeypatch.setattr(compaction, "_kept", wrong_for_others)
+    step = lambda state: jaxsim.step(model, state, jnp.zeros(0)).qvel  # noqa: E731
+    found = quick_jit(jaxsim.vmap(step))(batch)
+    monkeypatch.setattr(switch, "_enabled", False)
+    monkeypatch.setattr(tuning, "COMPACTION_FACTOR", 1000)
+    expected = quick_jit(jaxsim.vmap(step))(batch)
+    np.testing.assert_allclose(found, expected, RTOL, 1e-5)
+
+
 def test_without_lanes_nothing_is_compiled_twice():
     model = load()
     forward = lambda state: jaxsim.forward(model, state, jnp.zeros(0)).qacc  # noqa: E731
@@ -116,6 +139,6 @@ def test_derivatives_are_those_of_the_whole_problem():
 
     got = derivative()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tuning, "COMPACTION_CONTACTS", 1000)
+        patch.setattr(tuning, "COMPACTION_FACTOR", 1000)
         expected = derivative()
     np.testing.assert_allclose(got, expected, RTOL, 1e-6)

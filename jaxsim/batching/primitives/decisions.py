@@ -18,6 +18,7 @@ from jaxsim.batching.registry import register
 
 any_in_batch_p = jex.Primitive("any_in_batch")
 is_batched_p = jex.Primitive("is_batched")
+in_cpu_kernel_p = jex.Primitive("in_cpu_kernel")
 
 
 def any_in_batch(x: Bool[Array, "*n"]) -> Bool[Array, "*n"]:
@@ -35,6 +36,14 @@ def is_batched(x: Array) -> Bool[Array, ""]:
     compiled otherwise.
     """
     return is_batched_p.bind(lax.stop_gradient(x))  # JAX then asks for no derivative
+
+
+def in_cpu_kernel(x: Array) -> Bool[Array, ""]:
+    """Whether x is computed in a kernel for a CPU, of `jaxsim.lanes`; a constant as `is_batched`.
+
+    There a branch is taken by each group of lanes for itself, and costs little to compile.
+    """
+    return in_cpu_kernel_p.bind(lax.stop_gradient(x))
 
 
 def serial_or_parallel(serial: Callable, parallel: Callable, *operands: Any) -> Any:
@@ -74,6 +83,10 @@ def _is_batched_batched(values, axes):
     return is_batched(values[0]), None
 
 
+def _in_cpu_kernel_batched(values, axes):
+    return in_cpu_kernel(values[0]), None
+
+
 def _no_lanes(x):
     return jnp.zeros((), bool)
 
@@ -83,10 +96,14 @@ any_in_batch_p.def_abstract_eval(lambda x: x)
 batching.primitive_batchers[any_in_batch_p] = _any_batched
 mlir.register_lowering(any_in_batch_p, lambda _, x: [x])
 
-is_batched_p.def_impl(_no_lanes)
-is_batched_p.def_abstract_eval(lambda x: x.update(shape=(), dtype=jnp.dtype(bool), weak_type=False))
-batching.primitive_batchers[is_batched_p] = _is_batched_batched
-mlir.register_lowering(is_batched_p, mlir.lower_fun(_no_lanes, multiple_results=False))
+_BATCHERS = {is_batched_p: _is_batched_batched, in_cpu_kernel_p: _in_cpu_kernel_batched}
+for primitive, batcher in _BATCHERS.items():
+    primitive.def_impl(_no_lanes)
+    primitive.def_abstract_eval(
+        lambda x: x.update(shape=(), dtype=jnp.dtype(bool), weak_type=False)
+    )
+    batching.primitive_batchers[primitive] = batcher
+    mlir.register_lowering(primitive, mlir.lower_fun(_no_lanes, multiple_results=False))
 
 
 def any_rule(lanes, eqn, values, flags):
@@ -100,4 +117,12 @@ def is_batched_rule(lanes, eqn, values, flags):
 
 
 register("any_in_batch", rule=any_rule, uniform=True, in_section=True)
+
+
+def in_cpu_kernel_rule(lanes, eqn, values, flags):
+    """The rule of `in_cpu_kernel`: false, because the program is XLA's."""
+    return [jnp.zeros((), bool)]
+
+
 register("is_batched", rule=is_batched_rule, uniform=True)
+register("in_cpu_kernel", rule=in_cpu_kernel_rule, uniform=True)

@@ -24,11 +24,12 @@ class Builder(Graph):
 
     Args:
       finite_math: whether 0 x is 0.
+      for_cpu: whether a CPU runs the program.
     """
 
-    def __init__(self, finite_math: bool = False):
+    def __init__(self, finite_math: bool = False, for_cpu: bool = True):
         super().__init__()
-        self.finite_math = finite_math
+        self.finite_math, self.for_cpu = finite_math, for_cpu
 
     @contextlib.contextmanager
     def finite_math_if(self, wanted: bool) -> Iterator[None]:

@@ -77,6 +77,12 @@ def is_batched(t, eqn, x):
     return t.constants(np.asarray(True))
 
 
+@rule("in_cpu_kernel")
+def in_cpu_kernel(t, eqn, x):
+    """Here is a kernel, for a CPU or another processor."""
+    return t.constants(np.asarray(t.for_cpu))
+
+
 @rule("platform_index")
 def platform_index(t, eqn, *values):
     """Which platform; the branch is chosen where it is used."""

@@ -88,7 +88,8 @@ def dot_general(t, eqn, a, b):
     if not size:
         return np.broadcast_to(t.constants(np.zeros((), dtype)), eqn.outvars[0].aval.shape)
     ones = lambda axes: (1,) * len(axes)  # noqa: E731
-    if t.finite_math and not batch and len(ac) == 1:
+    # A GPU's memory costs more than its operations.
+    if t.finite_math and t.for_cpu and not batch and len(ac) == 1:
         left, right = a.transpose([*ac, *am]), b.transpose([*bc, *bm])
         sums = _sums_of_rows(t, left, right)
         if sums is not None:
