@@ -1,7 +1,10 @@
 """Steps per second of environments: compiled, in Gymnasium's and Brax's shapes; Gymnasium's own.
 
-A part of `throughput.py`. Random actions, episodes that end begin anew.
+A part of `throughput.py`. Random actions, episodes that end begin anew. EnvPool, MuJoCo C in threads,
+stands beside them where it is installed (`pip install envpool`).
 """
+
+import importlib.util
 
 import common
 import numpy as np
@@ -29,6 +32,8 @@ def rows(name: str, options) -> list[dict]:
         "Gymnasium, sync": (_gymnasium(name, "sync", 8, steps), 8),
         "Gymnasium, async": (_gymnasium(name, "async", options.devices, steps), options.devices),
     }
+    if importlib.util.find_spec("envpool"):
+        candidates["EnvPool"] = (_envpool(name, options), options.batch)
     runs = {peer: run for peer, (run, _) in candidates.items()}
     times = common.interleave(runs, options.repetitions)
     found = []
@@ -107,6 +112,26 @@ def _gymnasium(name: str, mode: str, envs: int, steps: int):
         GYMNASIUM[name], num_envs=envs, vectorization_mode=mode, vector_kwargs=kwargs
     )
     return _stepper(vector, steps)
+
+
+def _envpool(name: str, options):
+    import envpool
+
+    threads = min(options.batch, options.devices)
+    vector = envpool.make(
+        GYMNASIUM[name], "gymnasium", num_envs=options.batch, num_threads=threads, seed=0
+    )
+    low, high = vector.action_space.low, vector.action_space.high
+    rng = np.random.default_rng(0)
+    shape = (options.env_steps, options.batch, *low.shape)
+    actions = rng.uniform(low, high, shape).astype(vector.action_space.dtype)
+    vector.reset()
+
+    def run():
+        for action in actions:
+            vector.step(action)
+
+    return run
 
 
 def _stepper(envs, steps: int):

@@ -19,6 +19,7 @@ from jaxsim.arrays.memo import is_traced
 from jaxsim.batching import forms, jaxprs, registry
 from jaxsim.batching.interpret import Lanes
 from jaxsim.batching.primitives.jvp_rule import moving_leaves
+from jaxsim.lanes.switch import within_kernel
 
 
 def as_kernel(f: Callable, largest: int | None = None, *, finite_math: bool = False) -> Callable:
@@ -42,7 +43,8 @@ def as_kernel(f: Callable, largest: int | None = None, *, finite_math: bool = Fa
         leaves, tree = jax.tree.flatten(args)
         kinds = [jaxprs.element(x, None) for x in leaves]
         flat = lambda *xs: f(*jax.tree.unflatten(tree, xs))  # noqa: E731
-        traced, shapes = jax.make_jaxpr(flat, return_shape=True)(*kinds)
+        with within_kernel():
+            traced, shapes = jax.make_jaxpr(flat, return_shape=True)(*kinds)
         fits = _fits(traced, tuning.KERNEL_SCALARS if largest is None else largest)
         results = _bind(traced, leaves, finite_math) if fits else _evaluate(*leaves, program=traced)
         return jax.tree.unflatten(jax.tree.structure(shapes), results)

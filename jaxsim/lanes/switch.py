@@ -1,11 +1,14 @@
 """Whether time steps become kernels: one setting for the process."""
 
+import contextlib
 import functools
 import importlib.util
+from collections.abc import Iterator
 
 import jax
 
 _enabled: bool | None = None
+_in_kernel = False
 
 
 def enable_lanes(on: bool) -> None:
@@ -19,7 +22,9 @@ def enable_lanes(on: bool) -> None:
 
 
 def lanes_enabled() -> bool:
-    """Whether time steps become kernels."""
+    """Whether time steps become kernels; within another kernel they do."""
+    if _in_kernel:
+        return True
     if _enabled is None:
         return jax.default_backend() == "gpu" and lanes_installed()
     return _enabled
@@ -31,6 +36,17 @@ def lanes_for_one() -> bool:
     It does where the extra `lanes` is installed, unless kernels were turned off.
     """
     return lanes_installed() if _enabled is None else _enabled
+
+
+@contextlib.contextmanager
+def within_kernel() -> Iterator[None]:
+    """For the time that the function of a kernel is traced."""
+    global _in_kernel
+    before, _in_kernel = _in_kernel, True
+    try:
+        yield
+    finally:
+        _in_kernel = before
 
 
 @functools.cache

@@ -10,6 +10,7 @@ from oracle import quick_jit
 import jaxsim
 from jaxsim.arrays import tuning
 from jaxsim.batching import jaxprs
+from jaxsim.batching.primitives.decisions import any_in_batch
 from jaxsim.lanes import as_kernel, compiler, primitive, switch
 
 RNG = np.random.default_rng(2)
@@ -111,6 +112,28 @@ def test_finite_math():
     product = lambda x: jnp.sin(x) * 0 + x  # noqa: E731
     assert "call float @sin_f32" in _operations(product)
     assert "call float @sin_f32" not in _operations(product, finite_math=True)
+
+
+def test_sums_at_places_known_at_run_time():
+    """A product with a one-hot matrix, in a loop and outside, becomes additions in memory."""
+
+    def sums(x):
+        rank = jnp.cumsum(any_in_batch(x[:, 0] > 1.2))
+        place = jax.vmap(lambda i: jnp.sum(rank <= i))(jnp.arange(3)) - 1
+        ones = (place[:, None] == jnp.arange(4)[None]).astype(x.dtype)
+        first = jnp.einsum("nl,n...->l...", ones, x[:3])
+        loop = lambda c: (0.5 * c[0] + jnp.einsum("nk,nl->kl", x[:3] * c[0].sum(), ones), c[1] + 1)  # noqa: E731
+        return first, lax.while_loop(lambda c: c[1] < 3 + x[0, 0], loop, (first, 0.0))[0]
+
+    x = jnp.asarray(RNG.normal(size=(37, 5, 4)), jnp.float32)
+    found = quick_jit(jaxsim.vmap(as_kernel(sums, finite_math=True)))(x)
+    assert_same(found, quick_jit(jaxsim.vmap(sums))(x))
+    kind = jax.ShapeDtypeStruct((5, 4), jnp.float32)
+    traced = jax.make_jaxpr(sums)(kind)
+    products = [
+        compiler.source(traced, (True,), finite)[0].count(" fmul ") for finite in (False, True)
+    ]
+    assert products[0] > products[1] + 3 * 4 * 4
 
 
 def test_small_powers_are_products():
