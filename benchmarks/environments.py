@@ -1,7 +1,7 @@
 """Steps per second of environments: compiled, in Gymnasium's and Brax's shapes; Gymnasium's own.
 
-A part of `throughput.py`. Random actions, episodes that end begin anew. EnvPool, which is MuJoCo C in
-threads, stands beside them where it is installed (`pip install envpool`).
+A part of `throughput.py`. Random actions, episodes that end begin anew. EnvPool, MuJoCo C
+in threads, stands beside them where it is installed (`pip install envpool`).
 """
 
 import importlib.util
