@@ -146,11 +146,18 @@ class TreeOperator:
             return self.lift(cholesky_solve(factor(self._matrix(())), r))
         return self._solve_with((), r)
 
-    def solve(self, curvatures: Rows, r: Float[Array, "nv"]) -> tuple[TreePoint, LinearStatus]:
-        """`(M + J^T W J)^-1 r`, lifted, and the status of the linear solve."""
+    def solve(
+        self, curvatures: Rows, r: Float[Array, "nv"], enough: Float[Array, ""] | float = 0.0
+    ) -> tuple[TreePoint, LinearStatus]:
+        """`(M + J^T W J)^-1 r`, lifted, and the status of the linear solve.
+
+        `enough` is a relative residual at which an iterative solve may end.
+        """
         if self.strategy == "articulated" or not r.size:  # LAPACK has no empty factor
             return self._solve_articulated(curvatures, r)
-        solve = self._solve_dense if self.strategy == "dense" else self._solve_iteratively
+        solve = self._solve_dense
+        if self.strategy == "iterative":
+            solve = functools.partial(self._solve_iteratively, enough=enough)
         if not self.occasional:
             return solve(curvatures, r)
         coupled = [W for J, W in zip(self.jacobians, curvatures, strict=True) if J.coupled]
@@ -172,13 +179,13 @@ class TreeOperator:
         x = cholesky_solve(factor(self._matrix(pairs)), r)
         return self.lift(x), LinearStatus()
 
-    def _solve_iteratively(self, curvatures: Rows, r) -> tuple[TreePoint, LinearStatus]:
+    def _solve_iteratively(self, curvatures: Rows, r, enough) -> tuple[TreePoint, LinearStatus]:
         matrix, diagonal = self._uncoupled(zip(self.jacobians, curvatures, strict=True))
 
         def precondition(force):
             return articulated_solve(self.tree, self.cdof, matrix, diagonal, force)[0]
 
-        tolerance = _CG_ROUNDING * float(jnp.finfo(r.dtype).eps)
+        tolerance = jnp.maximum(_CG_ROUNDING * float(jnp.finfo(r.dtype).eps), enough)
         return pcg_solve(self, curvatures, r, precondition, tolerance, _CG_ITERATIONS)
 
     def _matrix(self, pairs: Iterable[tuple[Jacobian, Array]]) -> Float[Array, "nv nv"]:

@@ -38,8 +38,10 @@ _CONTACT_OFF = mujoco.mjtDisableBit.mjDSBL_CONTACT
 _EULERDAMP = mujoco.mjtDisableBit.mjDSBL_EULERDAMP
 _WARMSTART_OFF = mujoco.mjtDisableBit.mjDSBL_WARMSTART
 
-# The part of its gradient that a pass for rigid rows may leave.
-_REDUCTION = 1e-4
+# The part of its gradient that a pass for rigid rows may leave, and the part of its first slope
+# that a line search may leave under laws other than MuJoCo's, which has its own.
+_REDUCTION = 0.1
+_LS_REDUCTION = 0.01
 
 # Parts of a solution whose derivatives `Model.backward` changes.
 _RESULTS = ("qacc", "qfrc_constraint", "contact_force", "forces")
@@ -239,6 +241,7 @@ def _minimiser(
     Each pass begins where the last has ended. It need not be more accurate than the next one will
     be, and the last ones have to be as accurate as rounding allows.
     """
+    soft = model.contact == "mujoco"
     minimise = functools.partial(
         solve,
         force=force,
@@ -249,6 +252,8 @@ def _minimiser(
         scale=1 / (model.stat.meaninertia * max(1, model.nv)),
         compare=not for_passes,
         reduction=_REDUCTION if for_passes else 0.0,
+        inexact=operator.strategy == "iterative" and not soft,
+        ls_reduction=0.0 if soft else _LS_REDUCTION,
     )
 
     def minimised(problem: Problem, guess: Float[Array, "nv"] | None) -> Solution:

@@ -16,7 +16,7 @@ WINDOW = 4
 # Regularisation of the least-squares problem, in units of rounding.
 _ROUNDING = 30.0
 # The window is cleared if the residual grows by more than this factor.
-_GROWTH = 2.0
+_GROWTH = 1.0
 
 
 class Memory(NamedTuple):

@@ -23,11 +23,15 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxsim.solver.line_search import line_search, make_line
-from jaxsim.solver.operator import Lifted, LinearStatus, Operator
+from jaxsim.solver.operator import Lifted, LinearStatus, Operator, Rows
 from jaxsim.solver.problem import Problem
 
 # A step that promises to gain more than this many rounding errors of the cost is worth a try.
 PROMISING = 100.0
+# Relative residual of the linear solves of an inexact loop: at most, and as a multiple of the
+# square of the last step's gain (Eisenstat, Walker 1996, "Choosing the forcing terms in an inexact
+# Newton method", choice 2).
+_ROUGH, _FORCING = 0.1, 0.9
 
 
 @struct.dataclass
@@ -94,6 +98,8 @@ class _Search(NamedTuple):
     tolerance: Float[Array, ""]
     ls_tolerance: Float[Array, ""]
     scale: Float[Array, ""]
+    inexact: bool = False
+    ls_reduction: float = 0.0
     enough: Float[Array, ""] | None = None  # gradient at which a solve ends without another step
 
 
@@ -110,6 +116,8 @@ def solve(
     scale: float | Float[Array, ""],
     compare: bool = True,
     reduction: float = 0.0,
+    inexact: bool = False,
+    ls_reduction: float = 0.0,
 ) -> Solution:
     """Minimise `1/2 x^T M x - force^T x + s(J x - aref)` over x.
 
@@ -132,6 +140,8 @@ def solve(
         compare: Whether to begin from the unconstrained point where that costs less than x_start.
         reduction: The loop also ends, not converged, where the gradient is this part of what it was
             at the start.
+        inexact: Whether iterative linear solves need not be more accurate than the step is good.
+        ls_reduction: Line searches also stop at a slope of this part of the first.
 
     Returns:
         The minimiser and the status of the solve.
@@ -140,6 +150,7 @@ def solve(
     held = (problem, operator, force, x_start, numbers)
     problem, operator, force, x_start, numbers = lax.stop_gradient(held)
     search = _Search(problem, operator, force, ls_iterations, *numbers)
+    search = search._replace(inexact=inexact, ls_reduction=ls_reduction)
     start = _start(search, x_start, compare and iterations > 0)
     if reduction:
         search = search._replace(enough=reduction * _norm(_residual(search, start)))
@@ -188,7 +199,7 @@ def _step(search: _Search, state: _Iterate) -> _Iterate:
     residual = lax.optimization_barrier(_residual(search, state.y))
     gradient = _norm(residual)
     curvatures = problem.curvatures(operator.rows(state.y))
-    ys, linear = operator.solve(curvatures, residual)
+    ys, linear, rough = _newton_step(search, curvatures, residual, gradient, state.gradient)
     line = make_line(problem, operator, search.force, residual, state.y, ys)
     promise = 0.5 * jnp.abs(line.descent)
     # Steps that gained only rounding are the last, unless they halved the gradient or the next one
@@ -198,7 +209,9 @@ def _step(search: _Search, state: _Iterate) -> _Iterate:
     over = (search.scale * gradient <= search.tolerance) | spent
     length = _norm(operator.vector(ys))
     slope = search.tolerance * search.ls_tolerance * length / search.scale
-    ends = line.ends_at_one()
+    if search.ls_reduction:
+        slope = jnp.maximum(slope, search.ls_reduction * line.descent)
+    ends = line.ends_at_one() & ~rough
     found = line_search(line, slope, search.ls_iterations, state.done | over | ends)
     # Without barriers XLA recomputes these for every entry of the points.
     alpha, improvement = lax.optimization_barrier(found)
@@ -224,6 +237,20 @@ def _step(search: _Search, state: _Iterate) -> _Iterate:
         converged=converged,
         linear=state.linear.then(linear),
     )
+
+
+def _newton_step(search: _Search, curvatures: Rows, residual, gradient, before):
+    """The step `H^-1 residual`, the status of that solve, and whether it is a rough one.
+
+    A loop that is inexact solves roughly while its steps do not lower the gradient much.
+    """
+    if not search.inexact:
+        return *search.operator.solve(curvatures, residual), jnp.zeros((), bool)
+    gain = jnp.where(jnp.isfinite(before), gradient / before, 1.0)
+    enough = jnp.minimum(_FORCING * gain * gain, _ROUGH)
+    rough = enough > jnp.sqrt(jnp.finfo(gradient.dtype).eps)
+    found = search.operator.solve(curvatures, residual, jnp.where(rough, enough, 0.0))
+    return *found, rough
 
 
 def _residual(search: _Search, y: Lifted) -> Float[Array, "nv"]:

@@ -68,8 +68,12 @@ class Operator(Protocol):
         """The lifted `M^-1 r`."""
         ...
 
-    def solve(self, curvatures: Rows, r: Float[Array, "nv"]) -> tuple[Lifted, LinearStatus]:
+    def solve(
+        self, curvatures: Rows, r: Float[Array, "nv"], enough: Float[Array, ""] | float = 0.0
+    ) -> tuple[Lifted, LinearStatus]:
         """The lifted solution of `(M + J^T W J) s = r`, and the status of the solve.
+
+        An iterative solve may end where its relative residual is `enough`; zero means accurately.
 
         W is diagonal for blocks whose curvature has the shape of `aref`, and block diagonal for
         blocks of shape (n, d, d). The result must be linear in r; it is not differentiated.

@@ -50,6 +50,8 @@ Shifts = tuple[Array, ...]
 
 # Within so many tolerances, a pass that does not lower the residual has met rounding: it is done.
 _ROUNDING = 18.0
+# So are two passes in turn after so many: forces that contacts share change long after velocities.
+_MANY = 20
 # Relative residual of the tangents' equation at which their passes end, in units of rounding.
 _TANGENT_ROUNDING = 50.0
 _TANGENT_PASSES = 300
@@ -171,12 +173,12 @@ def solve_rigid(
             iterations=last.status.iterations + found.status.iterations,
             linear=last.status.linear.then(found.status.linear),
         )
-        stalled = (
-            (last.passes > 0) & (residual >= last.residual) & (residual < _ROUNDING * tolerance)
-        )
+        near = (last.passes > 0) & (residual < _ROUNDING * tolerance)
+        stalled = near & (residual >= last.residual) & found.status.converged
+        slow = near & (last.passes >= _MANY) & (last.residual < _ROUNDING * tolerance)
         # What a pass has left of its gradient, the next one reduces again.
         exact = found.status.converged | (last.passes > 0) & (last.residual <= tolerance)
-        done = (residual <= tolerance) & exact | stalled & found.status.converged
+        done = (residual <= tolerance) & exact | stalled | slow
         passes = last.passes + 1
         return RigidSolution(found.x, after, status, passes, residual, done), memory, u
 
