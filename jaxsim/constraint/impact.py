@@ -137,37 +137,42 @@ def impact_displacement(
 
 def correction(
     contacts: Sequence[tuple[int, Approach, Impact]],
+    held: Sequence[tuple[int, Array, Array]],
     kinds: Sequence[Kind],
     forces: Rows,
     operator: Operator,
 ) -> Float[Array, "nv"]:
-    """The displacement d that takes away about a tenth of the penetration.
+    """The displacement d that takes away about a tenth of the penetration, and errors of joints.
 
-    It is the best multiple of `M^-1 J^T (c / w)`, with c a tenth of the depths and w the inverse
-    inertias of the contacts: it minimises `sum (J d - c)^2 / w` over those that penetrate.
+    It is the best multiple of `M^-1 J^T (c / w)`, with c a tenth of the depths, or minus the
+    errors, and w the inverse inertias of the rows: it minimises `sum (J d - c)^2 / w` over those
+    that penetrate or hold.
 
     Args:
       contacts: index of each block of contacts, its approach and its impacts.
+      held: index of each block of rows that hold joints, their errors and inverse inertias.
       kinds: cost of each block.
       forces: of the rows of all blocks.
       operator: mass matrix and Jacobian.
     """
-    depths = [
-        _CORRECTION * jnp.where(kinds[i].D[:, 0] > 0, jnp.maximum(-at.dist, 0.0), 0.0)
-        for i, at, _ in contacts
-    ]
+    wanted = {i: (-error, 1 / w) for i, error, w in held}
+    for i, at, _ in contacts:
+        depth = jnp.where(kinds[i].D[:, 0] > 0, jnp.maximum(-at.dist, 0.0), 0.0)
+        normal = jnp.zeros_like(forces[i]).at[:, 0].set(_CORRECTION * depth)
+        wanted[i] = normal, jnp.where(normal > 0, 1 / at.inverse_weight[:, None], 0.0)
     # In units of the largest, for squares of small numbers would vanish; it has no derivative.
-    size = lax.stop_gradient(functools.reduce(jnp.maximum, [jnp.max(c) for c in depths]))
+    largest = [jnp.max(jnp.abs(c), initial=0) for c, _ in wanted.values()]
+    size = lax.stop_gradient(functools.reduce(jnp.maximum, largest))
     size = jnp.where(size > _NOTHING, size, 1.0)
     pushes = [jnp.zeros_like(force) for force in forces]
-    for (i, at, _), c in zip(contacts, depths, strict=True):
-        pushes[i] = pushes[i].at[:, 0].set(c / size / at.inverse_weight)
+    for i, (c, inertia) in wanted.items():
+        pushes[i] = c / size * inertia
     y = operator.unconstrained(operator.pull(tuple(pushes)))
     promised = needed = jnp.zeros(())
-    for (i, at, _), c in zip(contacts, depths, strict=True):
-        moved = jnp.where(c > 0, operator.rows(y)[i][:, 0], 0.0)
-        promised = promised + jnp.sum(pushes[i][:, 0] * moved)
-        needed = needed + jnp.sum(moved * moved / at.inverse_weight)
+    for i, (_, inertia) in wanted.items():
+        moved = operator.rows(y)[i]
+        promised = promised + jnp.sum(pushes[i] * moved)
+        needed = needed + jnp.sum(moved * moved * inertia)
     some = needed > 0
     best = jnp.where(some, promised / jnp.where(some, needed, 1.0), 0.0)
     return best * size * operator.vector(y)

@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float
 from jaxsim.arrays import tuning
 from jaxsim.collision import Contact
 from jaxsim.constraint.backward import check_backward, softened, with_derivative_of
-from jaxsim.constraint.block import Block
+from jaxsim.constraint.block import Block, RowType
 from jaxsim.constraint.compaction import with_compacted_contacts
 from jaxsim.constraint.contact import contact_blocks, contact_forces
 from jaxsim.constraint.entry import entry_acceleration
@@ -31,16 +31,23 @@ from jaxsim.model import Model, ModelError
 from jaxsim.model.dof_order import from_compound_order, to_compound_order
 from jaxsim.solver import LinearStatus, Problem, Solution, SolverStatus, attach_lifted, solve
 from jaxsim.solver.operator import Lifted, Rows
-from jaxsim.solver.passes import attach_rigid, first_shifts, rigid_tolerance, solve_rigid
+from jaxsim.solver.passes import (
+    attach_rigid,
+    first_shifts,
+    rigid_tolerance,
+    softness,
+    solve_rigid,
+)
 
 _CONSTRAINT_OFF = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
 _CONTACT_OFF = mujoco.mjtDisableBit.mjDSBL_CONTACT
 _EULERDAMP = mujoco.mjtDisableBit.mjDSBL_EULERDAMP
 _WARMSTART_OFF = mujoco.mjtDisableBit.mjDSBL_WARMSTART
 
-# The part of its gradient that a pass for rigid rows may leave, and the part of its first slope
-# that a line search may leave under laws other than MuJoCo's, which has its own.
-_REDUCTION = 0.1
+# The part of its gradient that a pass for rigid rows may leave, where linear solves are exact and
+# where they are iterative, so that accuracy has a price.
+_REDUCTION, _ROUGH_REDUCTION = 1e-4, 0.1
+# The part of its first slope that a line search may leave, under laws other than MuJoCo's.
 _LS_REDUCTION = 0.01
 
 # Parts of a solution whose derivatives `Model.backward` changes.
@@ -210,10 +217,15 @@ def _rigid(
     )
     y, forces = attach_rigid(found, problem, operator, force, rigid)
     outcome = _outcome(motion, contact, blocks, operator, y, forces, found.whole_status())
-    if not impacts:
+    held = [
+        (i, block.violation, softness(force.dtype) / block.kind.D)
+        for i, block in enumerate(blocks)
+        if block.type is RowType.HOLD and block.violation is not None
+    ]
+    if not impacts and not held:
         return outcome
     moved = impact_displacement(h, impacts, forces, operator)
-    moved = moved + correction(impacts, problem.blocks, forces, operator)
+    moved = moved + correction(impacts, held, problem.blocks, forces, operator)
     return outcome.replace(displacement=from_compound_order(model, moved))
 
 
@@ -241,7 +253,8 @@ def _minimiser(
     Each pass begins where the last has ended. It need not be more accurate than the next one will
     be, and the last ones have to be as accurate as rounding allows.
     """
-    soft = model.contact == "mujoco"
+    soft, iterative = model.contact == "mujoco", operator.strategy == "iterative"
+    reduction = _ROUGH_REDUCTION if iterative else _REDUCTION
     minimise = functools.partial(
         solve,
         force=force,
@@ -251,8 +264,8 @@ def _minimiser(
         ls_tolerance=model.opt.ls_tolerance,
         scale=1 / (model.stat.meaninertia * max(1, model.nv)),
         compare=not for_passes,
-        reduction=_REDUCTION if for_passes else 0.0,
-        inexact=operator.strategy == "iterative" and not soft,
+        reduction=reduction if for_passes else 0.0,
+        inexact=iterative and not soft,
         ls_reduction=0.0 if soft else _LS_REDUCTION,
     )
 

@@ -10,6 +10,7 @@ from jaxsim.constraint import Block, RowType
 from jaxsim.constraint.equality import equality_blocks
 from jaxsim.constraint.friction import friction_blocks
 from jaxsim.constraint.jacobian import DenseRows
+from jaxsim.constraint.laws import RIGID
 from jaxsim.constraint.limit import limit_blocks
 from jaxsim.dynamics.motion import Motion
 from jaxsim.dynamics.reflected import dof_armature
@@ -23,7 +24,9 @@ from jaxsim.solver.passes import softness
 def joint_rows(free: Model, tree: Model, joints: JointMotion) -> Iterator[Block]:
     """Rigid rows by which bodies stay at their joints; none if all are free already.
 
-    The error decays as that of a critically damped spring with a time constant of two steps.
+    The error decays as that of a critically damped spring with a time constant of two steps. Beside
+    rigid contacts, which may not let bodies move so, velocities have no part in it: bodies are
+    displaced, as those that penetrate (`jaxsim.constraint.impact`).
     """
     held = Links.of(tree).held
     if not len(held):
@@ -32,9 +35,12 @@ def joint_rows(free: Model, tree: Model, joints: JointMotion) -> Iterator[Block]
         take(x, held) for x in (joints.error, joints.error_rate, joints.rows, joints.bias)
     )
     time = 2 * free.opt.timestep
-    aref = -2 / time * rate - error / time**2 - bias
+    displaced = free.contact in RIGID
+    aref = -2 / time * rate - bias
+    aref = aref if displaced else aref - error / time**2
     D = 1 / (softness(error.dtype) * take(_inverse_inertia(tree), held))
-    yield Block(Quadratic(aref, D), _dense(free, rows), RowType.HOLD, rigid=True)
+    block = Block(Quadratic(aref, D), _dense(free, rows), RowType.HOLD, rigid=True)
+    yield block.replace(violation=error) if displaced else block
 
 
 def reflected_rows(free: Model, tree: Model, joints: JointMotion, damping) -> Block:

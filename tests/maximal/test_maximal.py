@@ -165,6 +165,27 @@ def test_a_batch_on_the_ground():
     np.testing.assert_allclose(found, truth, atol=5e-3)
 
 
+@pytest.mark.slow
+def test_passes_converge_where_joints_and_contacts_hold_a_body(x64):
+    """A pendulum comes to rest on the ground under hard contact, its joint in place."""
+    xml = PENDULUM.replace(
+        "<worldbody>", '<worldbody><geom type="plane" size="0 0 1" pos="0 0 -.25"/>'
+    )
+    model = jaxsim.load(xml, contact="hard")
+    maximal, start = jaxsim.to_maximal(model), jaxsim.make_state(model)
+
+    @quick_jit
+    def run(free):
+        advance = lambda free, _: maximal.step_with_status(free)  # noqa: E731
+        free, status = jax.lax.scan(advance, free, length=300)
+        return maximal.joint_error(free), maximal.tree_state(free).qvel, status.converged
+
+    error, speed, converged = run(maximal.state(start.replace(qpos=start.qpos + 1.0)))
+    assert converged.all()
+    np.testing.assert_allclose(error, 0, atol=1e-6)
+    np.testing.assert_allclose(speed, 0, atol=1e-6)
+
+
 def test_the_same_geoms_may_touch(rng):
     """Without a body and its parent, with explicit pairs and meshes, at the same places."""
     points = rng.normal(size=(12, 3))
