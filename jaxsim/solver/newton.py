@@ -149,8 +149,10 @@ def solve(
     numbers = [jnp.asarray(a, force.dtype) for a in (tolerance, ls_tolerance, scale)]
     held = (problem, operator, force, x_start, numbers)
     problem, operator, force, x_start, numbers = lax.stop_gradient(held)
-    search = _Search(problem, operator, force, ls_iterations, *numbers)
-    search = search._replace(inexact=inexact, ls_reduction=ls_reduction)
+    bound, ls_bound, scale = numbers
+    search = _Search(
+        problem, operator, force, ls_iterations, bound, ls_bound, scale, inexact, ls_reduction
+    )
     start = _start(search, x_start, compare and iterations > 0)
     if reduction:
         search = search._replace(enough=reduction * _norm(_residual(search, start)))
