@@ -23,6 +23,11 @@ class Contacts:
     geom1: Array
     geom2: Array
 
+    @property
+    def active(self) -> Array:
+        """Whether each contact has force."""
+        return self.dist < self.includemargin
+
 
 def rollout(mj, count: int = 6, every: int = 15) -> list[mujoco.MjData]:
     """Data at several instants of a rollout with random controls and external forces."""
