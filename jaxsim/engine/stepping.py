@@ -13,6 +13,7 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from jaxsim.arrays.checkpoint import checkpoint
+from jaxsim.arrays.finite import zero_if_finite
 from jaxsim.arrays.memo import is_traced
 from jaxsim.arrays.precision import full_precision
 from jaxsim.arrays.whole import as_a_whole
@@ -108,8 +109,7 @@ def _step(model: Model, state: State, ctrl: Float[Array, "nu"] | None) -> Step:
 def _guarded_step(model: Model, state: State, ctrl: Float[Array, "nu"] | None) -> Step:
     """`_step` for finite math, which may lose a NaN: the result has one if an argument has."""
     # The solver recovers from a bad warm start, and the time moves nothing.
-    given = jax.tree.leaves((state.replace(qacc_warmstart=(), time=(), time_excess=()), ctrl))
-    nothing = sum(jnp.sum(x - x) for x in given if jnp.issubdtype(x.dtype, jnp.floating))
+    nothing = zero_if_finite((state.replace(qacc_warmstart=(), time=(), time_excess=()), ctrl))
     found = _step(model, state, ctrl)
     after, finite = found.after, found.status.finite & (nothing == 0)
     return found.replace(

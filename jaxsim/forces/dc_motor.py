@@ -75,13 +75,12 @@ def motor_rates(model: Model, drive: Drive) -> Float[Array, "n 5"]:
     c = with_limited_setpoint(model, ids, c, slew)
     error = c.inputs[:, POSITION] - c.length
     wound = integral_rate(error, c.states[:, INTEGRAL], motor.max_integral)
-    resistance = _resistance(motor, c)
-    driven = (_voltage(motor, c) - motor.constant * c.velocity) / _nonzero(resistance)
+    driven = _driven_current(motor, c)
     current = jnp.where(c.has[:, CURRENT], c.states[:, CURRENT], driven)
     changed = (driven - c.states[:, CURRENT]) / _or_one(c, CURRENT, motor.timeconst)
     most = jnp.where(motor.max_current_rate > 0, motor.max_current_rate, jnp.inf)
     lost = c.states[:, TEMPERATURE] / _or_one(c, TEMPERATURE, motor.thermal_resistance)
-    heat = resistance * current * current - lost
+    heat = _resistance(motor, c) * current * current - lost
     warmed = heat / _or_one(c, TEMPERATURE, motor.thermal_capacitance)
     bent = c.velocity - _bristle_decay(motor, c.velocity) * c.states[:, BRISTLE]
     return jnp.stack([slew, wound, warmed, bent, jnp.clip(changed, -most, most)], axis=1)
@@ -103,8 +102,8 @@ def motor_forces(
     rates = read_states(model, ids, act_dot)
     c = with_limited_setpoint(model, ids, c, rates[:, SETPOINT])
     after = read_states(model, ids, early)[:, CURRENT]
-    driven = (_voltage(motor, c) - motor.constant * c.velocity) / _nonzero(_resistance(motor, c))
-    return motor.constant * jnp.where(c.has[:, CURRENT], after, driven)
+    current = jnp.where(c.has[:, CURRENT], after, _driven_current(motor, c))
+    return motor.constant * current
 
 
 def mechanical_forces(model: Model, drive: Drive, act_dot: Float[Array, "na"]) -> Float[Array, "n"]:
@@ -194,6 +193,11 @@ def _motor(model: Model, ids: np.ndarray) -> _Motor:
         friction=bias[3:6],
         controls=(inputs[:, [POSITION, VELOCITY, FEEDFORWARD]] >= 0).any(axis=1),
     )
+
+
+def _driven_current(motor: _Motor, c: Controlled) -> Float[Array, "n"]:
+    """The current without inductance, `(V - K v) / R`."""
+    return (_voltage(motor, c) - motor.constant * c.velocity) / _nonzero(_resistance(motor, c))
 
 
 def _voltage(motor: _Motor, c: Controlled) -> Float[Array, "n"]:

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxsim.arrays import tuning
+from jaxsim.arrays.finite import zero_if_finite
 from jaxsim.lanes.primitive import as_kernel
 
 
@@ -49,8 +50,7 @@ def _pull(f: Callable, args: tuple, cotangents: Any, finite_math: bool) -> tuple
         found = [c for c in jax.tree.leaves(found) if _moves(c)]
         if not finite_math:
             return found
-        numbers = [x for x in jax.tree.leaves((args, given)) if _smooth(x)]
-        nothing = sum(jnp.sum(x - x) for x in numbers)
+        nothing = zero_if_finite((args, given))
         return [c + nothing for c in found]
 
     leaves, structure_of_args = jax.tree.flatten(args)

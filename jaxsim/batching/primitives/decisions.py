@@ -79,14 +79,6 @@ def _any_batched(values, axes):
     return any_in_batch(jnp.any(values[0], axes[0])), None  # not mapped
 
 
-def _is_batched_batched(values, axes):
-    return is_batched(values[0]), None
-
-
-def _in_cpu_kernel_batched(values, axes):
-    return in_cpu_kernel(values[0]), None
-
-
 def _no_lanes(x):
     return jnp.zeros((), bool)
 
@@ -96,14 +88,19 @@ any_in_batch_p.def_abstract_eval(lambda x: x)
 batching.primitive_batchers[any_in_batch_p] = _any_batched
 mlir.register_lowering(any_in_batch_p, lambda _, x: [x])
 
-_BATCHERS = {is_batched_p: _is_batched_batched, in_cpu_kernel_p: _in_cpu_kernel_batched}
-for primitive, batcher in _BATCHERS.items():
+
+def _define(primitive: jex.Primitive) -> None:
+    """A question about where a program runs; false unless a rule says something else."""
     primitive.def_impl(_no_lanes)
     primitive.def_abstract_eval(
         lambda x: x.update(shape=(), dtype=jnp.dtype(bool), weak_type=False)
     )
-    batching.primitive_batchers[primitive] = batcher
+    batching.primitive_batchers[primitive] = lambda values, axes: (primitive.bind(*values), None)
     mlir.register_lowering(primitive, mlir.lower_fun(_no_lanes, multiple_results=False))
+
+
+_define(is_batched_p)
+_define(in_cpu_kernel_p)
 
 
 def any_rule(lanes, eqn, values, flags):
@@ -116,13 +113,11 @@ def is_batched_rule(lanes, eqn, values, flags):
     return [jnp.ones((), bool)]
 
 
-register("any_in_batch", rule=any_rule, uniform=True, in_section=True)
-
-
 def in_cpu_kernel_rule(lanes, eqn, values, flags):
     """The rule of `in_cpu_kernel`: false, because the program is XLA's."""
     return [jnp.zeros((), bool)]
 
 
+register("any_in_batch", rule=any_rule, uniform=True, in_section=True)
 register("is_batched", rule=is_batched_rule, uniform=True)
 register("in_cpu_kernel", rule=in_cpu_kernel_rule, uniform=True)

@@ -29,16 +29,15 @@ def adhesive(contact: ContactState, cost: Cost, R: Float[Array, ""]) -> Cost:
     if contact.adhesion is None:
         return cost
     apart = contact.dist >= contact.includemargin
-    D = cost.D
     if isinstance(cost, PyramidalCone):
         edges = 2 * len(cost.mu)
-        D = jnp.where(apart & (D > 0), 1 / (edges * R), D)
+        D = jnp.where(apart & (cost.D > 0), 1 / (edges * R), cost.D)
         cost = cost.replace(D=D, mu=jnp.where(apart, 0.0, cost.mu))
-        D = edges * D
-    elif isinstance(cost, EllipticCone):
-        normal = np.eye(len(D))[0]
-        D = jnp.where(apart, normal * D, D)
-        cost = cost.replace(D=D, friction=jnp.where(apart, 0.0, cost.friction))
-    first = D if isinstance(cost, PyramidalCone) else D[0]
+        first = edges * D
+    else:
+        first = cost.D[0]
+        if isinstance(cost, EllipticCone):
+            D = jnp.where(apart, np.eye(len(cost.D))[0] * cost.D, cost.D)
+            cost = cost.replace(D=D, friction=jnp.where(apart, 0.0, cost.friction))
     pull = jnp.where(first > 0, contact.adhesion / jnp.where(first > 0, first, 1.0), 0.0)
     return cost.replace(aref=cost.aref + pull * np.eye(len(cost.aref))[0])

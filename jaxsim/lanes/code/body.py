@@ -130,8 +130,11 @@ class Body:
 
     def _node(self, node: int) -> None:
         g, op = self.g, int(self.g.op[node])
-        if op in (PACK, ADD_AT):
-            self._pack(node) if op == PACK else self._add_at(node)
+        if op == PACK:
+            self._pack(node)
+            return
+        if op == ADD_AT:
+            self._add_at(node)
             return
         if op == LOAD:
             self.names[node] = self._load(node)
