@@ -137,7 +137,15 @@ def _prepare(jobs: list[dict], environment: dict, end: float) -> list[list[dict]
     workers = max(1, (os.cpu_count() or 2) // 2)
     # Half of the time at most: what is not compiled by then is compiled when its turn comes.
     until = time.monotonic() + (end - time.monotonic()) / 2
-    prepare = lambda job: _work(job, environment, until, "--prepare")  # noqa: E731
+
+    def prepare(job: dict) -> list[dict]:
+        rows = _work(job, environment, until, "--prepare")
+        if "why" in rows[-1]:  # said at once: there may be time to mend it
+            print(
+                f"{job['kind']} of {job['model']} by {job['engine']}: {rows[-1]['why']}", flush=True
+            )
+        return rows
+
     with concurrent.futures.ThreadPoolExecutor(workers) as pool:
         return list(pool.map(prepare, jobs))
 

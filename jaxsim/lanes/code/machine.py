@@ -1,6 +1,7 @@
 """Machine code: LLVM through llvmlite, an extra, for the processor of this machine."""
 
 import functools
+import os
 from typing import Any
 
 
@@ -20,9 +21,16 @@ def llvm_version() -> tuple[int, ...]:
 
 @functools.cache
 def processor() -> tuple[str, str]:
-    """Name and features of this processor, as LLVM says them."""
+    """Name and features of this processor, as LLVM says them.
+
+    `XLA_FLAGS=--xla_cpu_max_isa=AVX2` makes kernels do without AVX-512, as XLA's programs then do.
+    """
     llvm = _llvm()
-    return llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+    name, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+    if "--xla_cpu_max_isa=AVX2" not in os.environ.get("XLA_FLAGS", ""):
+        return name, features
+    without = ["-" + f[1:] if f.startswith("+avx512") else f for f in features.split(",")]
+    return name, ",".join(without)
 
 
 @functools.cache
