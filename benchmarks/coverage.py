@@ -95,8 +95,16 @@ def _options(arguments) -> argparse.Namespace:
 
 
 def _chosen(rows: list[dict], options) -> list[dict]:
+    """Rows drawn by the seed, the smallest model of every folder first, then the second, ..."""
     order = np.random.default_rng(options.seed).permutation(len(rows))
-    return [rows[i] for i in order[: options.check]]
+    drawn = sorted((rows[i] for i in order[: options.check]), key=lambda r: r["ngeom"] + r["nv"])
+    folders: collections.Counter[str] = collections.Counter()
+    ranks = {}
+    for row in drawn:
+        folder = pathlib.Path(row["file"]).parts[0]
+        ranks[row["file"]] = folders[folder]
+        folders[folder] += 1
+    return sorted(drawn, key=lambda r: ranks[r["file"]])
 
 
 class Worker:

@@ -46,7 +46,9 @@ class Hulls:
             face=jnp.asarray(model.hull_face[:, :faces], jnp.int32),
             ring=jnp.asarray(model.hull_ring, dtype),
             around=jnp.asarray(model.hull_around[:, :corners, :degree], jnp.int32),
-            before=jnp.asarray(model.hull_before[:, :corners, :degree], jnp.int32),
+            place=jnp.asarray(model.hull_place[:, :corners, :degree], jnp.int32),
+            before=jnp.asarray(model.hull_before, jnp.int32),
+            others=jnp.asarray(model.hull_others, jnp.int32),
             sides=sides,
         )
 

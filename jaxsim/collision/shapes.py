@@ -29,8 +29,11 @@ class HullFaces:
       face: where the corners of each face start in `ring`, and their number.
       ring: corners around the faces, counterclockwise seen from outside.
       around: numbers of the faces at each corner, ascending; -1 where there are no more.
-      before: number of the corner before it in each of these faces.
-      sides: largest number of corners of a face.
+      place: its place in each of these faces, in the tables of places.
+      before: number of the corner before each place.
+      others: numbers of three corners that make a large quadrilateral with the one of each place,
+        in order; -1 where the face has less.
+      sides: largest number of corners of a face in `ring`.
     """
 
     normal: Float[Array, "h f 3"]
@@ -38,7 +41,9 @@ class HullFaces:
     face: Int[Array, "h f 2"]
     ring: Float[Array, "r 3"]
     around: Int[Array, "h v k"]
-    before: Int[Array, "h v k"]
+    place: Int[Array, "h v k"]
+    before: Int[Array, "p"]
+    others: Int[Array, "p 3"]
     sides: int = struct.field(pytree_node=False)
 
 

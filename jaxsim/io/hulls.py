@@ -52,7 +52,8 @@ def hull_tables(mj: mujoco.MjModel, label: Label) -> dict[str, np.ndarray]:
         the largest.
       `hull_corner` (n, v, 3): see `jaxsim.collision.Hull`.
       `hull_normal` (n, f, 3), `hull_face` (n, f, 2), `hull_ring` (r, 3), `hull_around` (n, v, k),
-        `hull_before` (n, v, k): see `jaxsim.collision.HullFaces`.
+        `hull_place` (n, v, k), `hull_before` (p,), `hull_others` (p, 3): see
+        `jaxsim.collision.HullFaces`.
       `hull_cell` (n, cells, 2), `hull_near` (r,): see `jaxsim.collision.Hull`.
     """
     geoms = _geoms(mj)
@@ -67,10 +68,11 @@ def hull_tables(mj: mujoco.MjModel, label: Label) -> dict[str, np.ndarray]:
     size = np.array(size, int).reshape(-1, 5)
     _warn_of_many_corners(size, [label("geom", int(geom)) for geom in geoms[first]])
     degree = int(size[:, 3].max(initial=1))
-    around = [h.around(degree) for h in hulls]
-    offset = np.cumsum([0, *(sum(map(len, h.rings)) for h in hulls)])
-    rings = [h.corners[np.concatenate(h.rings)] for h in hulls]
-    faces = [h.places + np.array([start, 0]) for h, start in zip(hulls, offset[:-1], strict=True)]
+    offset = np.cumsum([0, *(len(np.concatenate(h.rings)) for h in hulls)])
+    around = [h.around(degree, start) for h, start in zip(hulls, offset[:-1], strict=True)]
+    sides = [h.sides for h in hulls]
+    offset = np.cumsum([0, *(len(corners) for corners, _ in sides)])
+    faces = [f + np.array([start, 0]) for (_, f), start in zip(sides, offset[:-1], strict=True)]
     offset = np.cumsum([0, *(len(numbers) for _, numbers in near)])
     cells = [c + np.array([start, 0]) for (c, _), start in zip(near, offset[:-1], strict=True)]
     return {
@@ -79,9 +81,11 @@ def hull_tables(mj: mujoco.MjModel, label: Label) -> dict[str, np.ndarray]:
         "hull_corner": _table([h.corners for h in hulls], (3,)),
         "hull_normal": _table([h.normals for h in hulls], (3,)),
         "hull_face": _table(faces, (2,)),
-        "hull_ring": np.concatenate([np.zeros((0, 3)), *rings]),
+        "hull_ring": np.concatenate([np.zeros((0, 3)), *(corners for corners, _ in sides)]),
         "hull_around": _table([faces for faces, _ in around], (degree,)),
-        "hull_before": _table([before for _, before in around], (degree,)),
+        "hull_place": _table([place for _, place in around], (degree,)),
+        "hull_before": np.concatenate([np.zeros(0, int), *(h.before for h in hulls)]),
+        "hull_others": np.concatenate([np.zeros((0, 3), int), *(h.others for h in hulls)]),
         "hull_cell": _table(cells, (2,)),
         "hull_near": np.concatenate([np.zeros(0, int), *(numbers for _, numbers in near)]),
     }
@@ -102,28 +106,81 @@ class _Hull:
     def size(self) -> tuple[int, int, int, int]:
         """Numbers of corners and faces, largest of a face's corners and of a corner's faces."""
         degree = np.bincount(np.concatenate(self.rings))
-        return (
-            len(self.corners),
-            len(self.normals),
-            max(map(len, self.rings)),
-            int(degree.max()),
-        )
+        longest = max(map(len, self.rings))
+        return len(self.corners), len(self.normals), min(longest, MAX_SIDES), int(degree.max())
 
     @property
-    def places(self) -> np.ndarray:
-        """(f, 2) start of each ring among all, and its length."""
-        counts = np.array([len(r) for r in self.rings])
-        return np.stack([np.cumsum(counts) - counts, counts], axis=1)
+    def sides(self) -> tuple[np.ndarray, np.ndarray]:
+        """Corners of all rings, simplified, and (f, 2) where each ring starts and its length."""
+        rings = [_simplified(self.corners[ring]) for ring in self.rings]
+        counts = np.array([len(r) for r in rings])
+        return np.concatenate(rings), np.stack([np.cumsum(counts) - counts, counts], axis=1)
 
-    def around(self, degree: int) -> tuple[np.ndarray, np.ndarray]:
-        """Faces at each corner, and the corner before it in each, padded by -1: (v, degree)."""
-        faces, before = (np.full((len(self.corners), degree), -1) for _ in range(2))
+    @property
+    def before(self) -> np.ndarray:
+        """Number of the corner before each place of the rings."""
+        return np.concatenate([np.roll(ring, 1) for ring in self.rings])
+
+    @property
+    def others(self) -> np.ndarray:
+        """(p, 3) corners that make a large quadrilateral with each place; -1 if there are none."""
+        found = []
+        for ring in self.rings:
+            three = widest_with(self.corners[ring])
+            found.append(np.where(three >= 0, ring[three], -1))
+        return np.concatenate(found)
+
+    def around(self, degree: int, start: int) -> tuple[np.ndarray, np.ndarray]:
+        """Faces at each corner, and its place in their rings, padded by -1: (v, degree)."""
+        faces, places = (np.full((len(self.corners), degree), -1) for _ in range(2))
         filled = np.zeros(len(self.corners), int)
         for face, ring in enumerate(self.rings):
             faces[ring, filled[ring]] = face
-            before[ring, filled[ring]] = np.roll(ring, 1)
+            places[ring, filled[ring]] = start + np.arange(len(ring))
             filled[ring] += 1
-        return faces, before
+            start += len(ring)
+        return faces, places
+
+
+def widest_with(corners: np.ndarray) -> np.ndarray:
+    """For each corner of a polygon, three others that make a large quadrilateral with it.
+
+    Three corners that follow it move forward while that makes the area larger, as in MuJoCo. Ratios
+    of areas in a plane, and so the result, do not depend on the scale of the axes.
+
+    Args:
+      corners: (n, 3) corners in order around the polygon.
+
+    Returns:
+      (n, 3) numbers of corners in this order; -1 in the third column for a triangle.
+    """
+    count = len(corners)
+    first = np.arange(count)
+    at = (first + np.arange(1, 4)[:, None]) % count
+    if count <= 4:
+        return np.where(np.arange(1, 4) < count, at.T, -1)
+
+    def area(b, c, d):
+        across = np.cross(corners[c] - corners[first], corners[d] - corners[b])
+        return np.linalg.norm(across, axis=1)
+
+    def advance(which, trying):
+        """Move one of the three, where that makes the area larger."""
+        moved = at.copy()
+        moved[which] = (moved[which] + 1) % count
+        new = area(*moved)
+        larger = trying & (new > largest)
+        at[:, larger], largest[larger] = moved[:, larger], new[larger]
+        return larger
+
+    largest = area(*at)
+    going = np.ones(count, bool)
+    while (going := advance(2, going)).any():
+        for which in (1, 0):
+            moving = going
+            while (moving := advance(which, moving)).any():
+                pass
+    return at.T
 
 
 def _geoms(mj: mujoco.MjModel) -> np.ndarray:
@@ -149,7 +206,7 @@ def _hull(mj: mujoco.MjModel, mesh: int, geom: int) -> _Hull:
     kept = np.concatenate([on_faces, _protruding(mj, mesh, vertices, on_faces, normals)])
     number = np.full(len(vertices), -1)
     number[kept] = np.arange(len(kept))
-    return _Hull(vertices[kept], normals, [number[_simplified(r, vertices)] for r in rings])
+    return _Hull(vertices[kept], normals, [number[r] for r in rings])
 
 
 def _protruding(
@@ -179,12 +236,12 @@ def _warn_of_many_corners(size: np.ndarray, labels: list[str]) -> None:
         )
 
 
-def _simplified(ring: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+def _simplified(ring: np.ndarray) -> np.ndarray:
     """The polygon reduced to MAX_SIDES corners, leaving out those that change its area least."""
     while len(ring) > MAX_SIDES:
-        here, before, after = (vertices[np.roll(ring, shift)] for shift in (0, 1, -1))
-        area = np.linalg.norm(np.cross(here - before, after - before), axis=1)
-        ring = np.delete(ring, np.argmin(area))
+        before, after = np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0)
+        area = np.linalg.norm(np.cross(ring - before, after - before), axis=1)
+        ring = np.delete(ring, np.argmin(area), axis=0)
     return ring
 
 

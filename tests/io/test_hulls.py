@@ -36,14 +36,14 @@ def test_a_corner_knows_its_faces_and_edges():
     model = jaxsim.load(scene('type="mesh" mesh="cube"'))
     corners, faces = model.hull_corner[0], faces_of(model)
     assert model.hull_size.tolist() == [[8, 6, 4, 3, 8]]
-    for k, (around, before) in enumerate(
-        zip(model.hull_around[0], model.hull_before[0], strict=True)
+    for k, (around, places) in enumerate(
+        zip(model.hull_around[0], model.hull_place[0], strict=True)
     ):
         assert (np.diff(around) > 0).all()
-        for face, other in zip(around, before, strict=True):
-            ring = faces[face].tolist()
-            place = ring.index(corners[k].tolist())
-            np.testing.assert_array_equal(ring[place - 1], corners[other])
+        for face, place in zip(around, places, strict=True):
+            ring = np.roll(faces[face], -faces[face].tolist().index(corners[k].tolist()), axis=0)
+            np.testing.assert_array_equal(ring[-1], corners[model.hull_before[place]])
+            np.testing.assert_array_equal(ring[1:], corners[model.hull_others[place]])
 
 
 def test_faces_enclose_the_corners():

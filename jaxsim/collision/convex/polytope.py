@@ -152,7 +152,8 @@ class Polytope(Solid):
         numbers = jnp.sort(numbers)
         around = self.faces.around[self.hull.row, numbers]
         shared = (around[1:, None] == around[0][None, :, None]).any(axis=2).all(axis=0)
-        before = self.faces.before[self.hull.row, numbers[0]]
+        place = self.faces.place[self.hull.row, numbers[0]]
+        before = self.faces.before[place]
         other = jnp.where(numbers[1] != numbers[0], numbers[1], numbers[2])
         extent = extent_of(numbers)
         first = jnp.arange(len(before)) == 0
@@ -163,8 +164,24 @@ class Polytope(Solid):
             holds=shared & (around[0] >= 0),
             corner=self.corner[numbers[0]],
             ends=self.corner[jnp.where(extent == 1, before, other)],
-            along=(extent == 1) & (before >= 0) | first & (extent == 2),
+            along=(extent == 1) & (place >= 0) | first & (extent == 2),
         )
+
+    def lowest_face(self, d):
+        """The lowest corner along d, and three more of the face that looks down most.
+
+        Returns:
+          (4, 3) positions in order around the face, and (4,) which of them exist.
+        """
+        _, number = self.support(-d)
+        around = self.faces.around[self.hull.row, number]
+        normals = self._unit_normals(self.faces.normal[self.hull.row, around])
+        facing = one_hot(jnp.where(around >= 0, -(normals @ d), -jnp.inf))
+        # A corner that hardly protrudes may be on no face: its place is -1.
+        place = pick(facing, self.faces.place[self.hull.row, number])
+        numbers = jnp.append(number, self.faces.others[place])
+        exists = (numbers >= 0) & ((place >= 0) | (jnp.arange(4) == 0))
+        return self.corner[numbers], exists
 
     def ring(self, face):
         """See `Solid`."""

@@ -9,11 +9,12 @@ half-way between x and the plane. The points x are those that MuJoCo chooses
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 from jaxtyping import Array, Float
 
+from jaxsim.collision.convex import Polytope
 from jaxsim.collision.frames import direction, tangent_along, tangent_of, unit
 from jaxsim.collision.shapes import INACTIVE, Contacts, Shape
-from jaxsim.collision.spread import levelness, one_hot, pick, spread
 
 
 def plane_sphere(plane: Shape, sphere: Shape) -> Contacts:
@@ -74,24 +75,19 @@ def plane_box(plane: Shape, box: Shape) -> Contacts:
     return _at_points(plane, points, tangent_of(plane.axis))
 
 
-# Corners of a mesh closer than this to its lowest corner, relative to its size, are left out.
-_CLOSE = 0.3
-
-
 def plane_mesh(plane: Shape, mesh: Shape) -> Contacts:
-    """Up to four contacts: the lowest corner, and others below the plane or level with it."""
+    """Up to four contacts, at the lowest corner and at others of the face that looks down most.
+
+    It is the one of the lowest corner's faces whose normal is most opposed to the plane's. If it
+    has more than four corners, those of a large quadrilateral count. Corners above the mesh's
+    centre do not.
+    """
     normal = mesh.mat.T @ plane.axis
-    corners = mesh.corners
-    dist = corners @ normal + plane.axis @ (mesh.pos - plane.pos)
-    lowest = one_hot(-dist)
-    apart = jnp.sqrt(jnp.sum((corners - pick(lowest, corners)[None]) ** 2, axis=1))
-    # All corners below the plane have the same weight.
-    above = jnp.maximum(dist, 0)
-    weight = levelness(above - jnp.min(above), apart)
-    weight = jnp.where(apart > _CLOSE * jnp.sqrt(mesh.size @ mesh.size), weight, 0)
-    chosen, exists = spread(corners, dist, weight, normal, 4)
-    points = jnp.stack([pick(mask, corners) for mask in chosen])
-    contacts = _at_points(plane, mesh.pos[None] + points @ mesh.mat.T, tangent_of(plane.axis))
+    corners, exists = Polytope(mesh).lowest_face(normal)
+    below = lax.stop_gradient(corners @ normal) <= 0
+    points = mesh.pos[None] + corners @ mesh.mat.T
+    contacts = _at_points(plane, points, tangent_of(plane.axis))
+    exists = exists & (below | (jnp.arange(4) == 0))
     return contacts.replace(dist=jnp.where(exists, contacts.dist, INACTIVE))
 
 
