@@ -242,13 +242,20 @@ Seen: 1619d08.
 
 # --- Kernels (`lanes`) ---
 
-KERNEL_SCALARS = 300_000
-"""Largest number of scalars in a program that becomes a kernel, loops counted once.
+KERNEL_SCALARS = 600_000
+"""Largest number of scalars in a program that becomes a kernel for CPUs, loops counted once.
 
-A kernel is code for each of them. A rollout of hopper, 49,000, is ready in 2.7 s, where XLA takes
-8.8; of Gymnasium's humanoid, 276,000, in 14 and 21 s. A UR5e with its meshes has 58 million.
+A kernel is code for each of them, which a processor's second-level cache should hold. A rollout of
+hopper, 49,000, is ready in 2.7 s, where XLA takes 8.8; of a Shadow hand, 510,000, in 25 and 53 s.
 
-Gains: Gymnasium's humanoid takes 0.6 of its time; of larger programs, unknown.
+Gains: a Shadow hand takes 0.15 of its time, 8 spheres 0.1; five humanoids in one model, a million,
+would take twice theirs. Measured on an EPYC with AVX-512.
+Seen: bb47929.
+"""
+GPU_KERNEL_SCALARS = 300_000
+"""As `KERNEL_SCALARS`, on a GPU, where the assembler takes long.
+
+Gains: of larger programs, unknown.
 Seen: 41faf54.
 """
 PULLBACK_SCALARS = 800_000

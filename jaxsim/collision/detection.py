@@ -3,11 +3,13 @@
 With few candidates, every pair has its own contact slots and geom ids are static. With many (see
 `Candidates.dynamic`), contacts are computed only for pairs that a lower bound on their distance
 does not rule out. The active contacts are then assigned to the slots, the deepest ones if there are
-too many, and geom ids are traced.
+too many, and geom ids are traced. In kernels for CPUs, a loop goes through the pairs within reach
+(`live`).
 """
 
 import dataclasses
 import functools
+from collections.abc import Sequence
 from typing import Any
 
 import jax
@@ -18,14 +20,18 @@ from jax import lax
 from jaxtyping import Array, Float, Int
 
 from jaxsim.arrays.indexing import Index, gather
+from jaxsim.arrays.memo import is_traced
 from jaxsim.collision.bounds import distance_bound
 from jaxsim.collision.candidates import Candidates, PairGroup
 from jaxsim.collision.contact import Contact
 from jaxsim.collision.evaluation import contacts_of_groups, join_ids, take_shapes
+from jaxsim.collision.live import live_contacts
 from jaxsim.collision.parameters import adhesive_reach, contact_parameters, contact_reach
 from jaxsim.collision.selection import within_reach
 from jaxsim.collision.shapes import Contacts, Shape
 from jaxsim.collision.table import PAIRS
+from jaxsim.lanes.alternative import kernel_alternative
+from jaxsim.lanes.switch import tracing_cpu_kernel
 
 # Lower bounds are computed for all combinations of the first and second geoms if these are at most
 # this factor times the candidates. This reads the data of each geom once, without gathers for
@@ -63,12 +69,18 @@ def detect(
       differentiable with respect to poses and sizes, parameters with respect to the model.
     """
     shapes = Shape(geom_xpos, geom_xmat, jnp.asarray(model.geom_size, geom_xpos.dtype))
+    kinds = _kinds(candidates)
+    # Its numbers are part of the loops' programs.
+    loops = tracing_cpu_kernel() and not is_traced(model)
+    at_once = [pairs for kind in kinds if not (loops and kind.selects) for pairs in kind.pairs]
+    of_groups = iter(_slots_of_groups(model, at_once, shapes))
     parts, overflow = [], jnp.zeros((), int)
-    of_groups = iter(_slots_of_groups(model, candidates, shapes))
-    for span, groups in zip(candidates.ranges, candidates.by_kind().values(), strict=True):
-        found = [next(of_groups) for _ in groups]
-        slots, lost = _deepest(model, _joined([s for s, _ in found]), span.stop - span.start)
-        overflow = overflow + lost + sum(n for _, n in found)
+    for kind in kinds:
+        if loops and kind.selects:
+            slots, lost = _by_loop(model, kind, shapes)
+        else:
+            slots, lost = _deepest_of(model, [next(of_groups) for _ in kind.pairs], kind.slots)
+        overflow = overflow + lost
         parts.append(slots)
     slots = _joined(parts) if parts else _empty(geom_xpos.dtype)
     values = contact_parameters(model, slots.geom1, slots.geom2, slots.pair)
@@ -85,21 +97,69 @@ def detect(
     )
 
 
+@dataclasses.dataclass
+class _Kind:
+    """Candidates of one kind of contact.
+
+    Attributes:
+      pairs: the groups, and the number of pairs of each whose contacts are computed at a time.
+      slots: number of slots.
+    """
+
+    pairs: list[tuple[PairGroup, int]]
+    slots: int
+
+    @property
+    def selects(self) -> bool:
+        """Whether there are fewer slots than possible contacts."""
+        return self.slots < sum(len(group) * group.slots_per_pair for group, _ in self.pairs)
+
+
+def _kinds(candidates: Candidates) -> list[_Kind]:
+    counts = iter(candidates.pairs())
+    kinds = [[(g, next(counts)) for g in groups] for groups in candidates.by_kind().values()]
+    return [_Kind(*both) for both in zip(kinds, candidates.slots(), strict=True)]
+
+
+def _by_loop(model: Any, kind: _Kind, shapes: Shape) -> tuple[_Slots, Int[Array, ""] | int]:
+    """The deepest active contacts of a kind, found in a loop over the pairs within reach."""
+    groups = [group for group, _ in kind.pairs]
+    ids = [np.concatenate([getattr(g, name) for g in groups]) for name in _IDS]
+
+    def loop(shapes):
+        reach = [_reach(model, g.geom1, g.geom2, g.pair).astype(shapes.pos.dtype) for g in groups]
+        found = live_contacts(model, groups, shapes, reach, kind.slots)
+        lost = found.lost + jnp.maximum(found.count - kind.slots, 0)
+        chosen = [jnp.asarray(i)[found.pair] for i in ids]
+        return found.contacts, found.contacts.frame, chosen, lost
+
+    def at_once(shapes):
+        slots, lost = _deepest_of(model, _slots_of_groups(model, kind.pairs, shapes), kind.slots)
+        chosen = [jnp.asarray(getattr(slots, name)) for name in _IDS]
+        return slots.contacts, slots.frame, chosen, jnp.asarray(lost)
+
+    contacts, frame, chosen, lost = kernel_alternative(loop, at_once)(shapes)
+    ids = [
+        np.full(kind.slots, i[0]) if _all_equal(i) else c for i, c in zip(ids, chosen, strict=True)
+    ]
+    return _Slots(contacts, frame, *ids), lost
+
+
 def _slots_of_groups(
-    model: Any, candidates: Candidates, shapes: Shape
+    model: Any, pairs: Sequence[tuple[PairGroup, int]], shapes: Shape
 ) -> list[tuple[_Slots, Int[Array, ""] | int]]:
     """The slots of each group, and how many other contacts there might be."""
-    groups, counts = candidates.groups, candidates.pairs()
-    pairs = [_pairs(model, g, shapes, n) for g, n in zip(groups, counts, strict=True)]
-    contacts = contacts_of_groups(model, groups, shapes, [ids for ids, _ in pairs])
+    groups = [group for group, _ in pairs]
+    chosen = [_pairs(model, *pair, shapes) for pair in pairs]
+    contacts = contacts_of_groups(model, groups, shapes, [ids for ids, _ in chosen])
     return [
         _in_slots(model, group, ids, lost, found)
-        for group, (ids, lost), found in zip(groups, pairs, contacts, strict=True)
+        for group, (ids, lost), found in zip(groups, chosen, contacts, strict=True)
     ]
 
 
 def _pairs(
-    model: Any, group: PairGroup, shapes: Shape, count: int
+    model: Any, group: PairGroup, count: int, shapes: Shape
 ) -> tuple[tuple[Index, Index, Index], Int[Array, ""] | int]:
     """Ids of `count` pairs of a group, and how many others are within reach."""
     ids = group.geom1, group.geom2, group.pair
@@ -151,6 +211,14 @@ def _distance_bounds(group: PairGroup, shapes: Shape) -> Float[Array, "n"]:
     return gather(table.reshape(-1), row * len(second) + column)
 
 
+def _deepest_of(
+    model: Any, found: Sequence[tuple[_Slots, Int[Array, ""] | int]], count: int
+) -> tuple[_Slots, Int[Array, ""] | int]:
+    """The deepest slots of some groups, and the number of contacts that are lost."""
+    slots, lost = _deepest(model, _joined([slots for slots, _ in found]), count)
+    return slots, lost + sum(n for _, n in found)
+
+
 def _deepest(model: Any, slots: _Slots, count: int) -> tuple[_Slots, Int[Array, ""] | int]:
     """The active slots, at most the `count` deepest, and how many others are active."""
     dist = slots.contacts.dist
@@ -175,9 +243,11 @@ _IDS = ("geom1", "geom2", "pair")
 
 def _take_ids(ids: Index, chosen: Int[Array, "k"]) -> Any:
     """The chosen ids; static if all ids are equal, as those of a floor, which avoids gathers."""
-    if isinstance(ids, np.ndarray) and len(set(ids.tolist())) == 1:
-        return np.full(chosen.shape[0], ids[0])
-    return jnp.asarray(ids)[chosen]
+    return np.full(len(chosen), ids[0]) if _all_equal(ids) else jnp.asarray(ids)[chosen]
+
+
+def _all_equal(ids: Index) -> bool:
+    return isinstance(ids, np.ndarray) and len(set(ids.tolist())) == 1
 
 
 def _empty(dtype) -> _Slots:

@@ -6,11 +6,15 @@ and then to halves of it (rank and select: Jacobson, "Space-efficient static tre
 1989). All of this is vector arithmetic.
 """
 
+from collections.abc import Callable
+from typing import TypeVar
+
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int, UInt32
 
+T = TypeVar("T")
 WORD = 32
 
 
@@ -53,6 +57,28 @@ def set_indices(mask: Bool[Array, "n"], count: int) -> Int[Array, "{count}"]:
     unset = jnp.max(jnp.where(mask, 0, lax.iota(index.dtype, len(mask))))
     # XLA would otherwise recompute the descent for each use.
     return lax.optimization_barrier(jnp.where(exists, index, unset))
+
+
+def for_each_set(mask: Bool[Array, "n"], body: Callable[[Int[Array, ""], T], T], init: T) -> T:
+    """`body(index, value)` for each index where a short mask is set, in increasing order.
+
+    In a batch each element goes through its own indices, so that the loop is as long as the longest
+    list, not as the mask.
+
+    Args:
+      mask: the mask, of at most `WORD` bits.
+      body: function from an index and a value to the next value.
+      init: the first value.
+    """
+    (word,) = _words(mask)
+
+    def turn(state):
+        word, value = state
+        index = lax.population_count(~word & (word - 1)).astype(jnp.int32)
+        # Elements that have ended go on with the last index, to no effect.
+        return word & (word - 1), body(jnp.minimum(index, len(mask) - 1), value)
+
+    return lax.while_loop(lambda state: state[0] != 0, turn, (word, init))[1]
 
 
 def _descend(rank, index, count, step: int):

@@ -32,7 +32,7 @@ def as_kernel(f: Callable, largest: int | None = None, *, finite_math: bool = Fa
 
     Args:
       f: a function of pytrees of arrays, written for one element.
-      largest: the most scalars that its program may compute; None for `tuning.KERNEL_SCALARS`.
+      largest: the most scalars that its program may compute; None for what `arrays.tuning` says.
       finite_math: whether a product with a number known to be zero is zero, even of NaN. Axes and
         inertias have many zeros. The function has to say itself what it returns for arguments that
         are not finite.
@@ -45,11 +45,17 @@ def as_kernel(f: Callable, largest: int | None = None, *, finite_math: bool = Fa
         flat = lambda *xs: f(*jax.tree.unflatten(tree, xs))  # noqa: E731
         with within_kernel():
             traced, shapes = jax.make_jaxpr(flat, return_shape=True)(*kinds)
-        fits = _fits(traced, tuning.KERNEL_SCALARS if largest is None else largest)
-        results = _bind(traced, leaves, finite_math) if fits else _evaluate(*leaves, program=traced)
+        if not _fits(traced, _largest() if largest is None else largest):
+            return f(*args)
+        results = _bind(traced, leaves, finite_math)
         return jax.tree.unflatten(jax.tree.structure(shapes), results)
 
     return call
+
+
+def _largest() -> int:
+    on_cpu = jax.default_backend() == "cpu"
+    return tuning.KERNEL_SCALARS if on_cpu else tuning.GPU_KERNEL_SCALARS
 
 
 def _fits(traced, largest: int) -> bool:

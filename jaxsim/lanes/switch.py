@@ -30,6 +30,11 @@ def lanes_enabled() -> bool:
     return _enabled
 
 
+def tracing_cpu_kernel() -> bool:
+    """Whether the function of a kernel is being traced, on a machine where JAX runs on a CPU."""
+    return _in_kernel and jax.default_backend() == "cpu"
+
+
 def lanes_for_one() -> bool:
     """Whether the program of a single environment becomes a kernel, which changes no setting.
 

@@ -9,7 +9,9 @@ import mujoco
 import numpy as np
 import pytest
 
+import jaxsim
 from jaxsim.collision import detect, find_candidates
+from jaxsim.lanes import as_kernel
 
 PARAMETERS = ("includemargin", "friction", "solref", "solreffriction", "solimp")
 
@@ -209,6 +211,45 @@ def test_derivatives_flow_through_selection_and_parameters(rng):
         difference = (value(xpos + h * direction) - value(xpos - h * direction)) / (2 * h)
         np.testing.assert_allclose(jnp.sum(forward * direction), difference, rtol=1e-6, atol=1e-9)
         assert abs(difference) > 1e-3
+
+
+def test_loops_of_kernels_find_the_same(rng):
+    """The deepest contacts, how many are lost, and derivatives; pairs fill a block and more."""
+    ball = '<body pos="{} {} 0"><freejoint/><geom type="{}" size=".08 .1"/></body>'
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><geom type="plane" size="1 1 1"/>'
+        + "".join(ball.format(0.2 * (k % 3), 0.2 * (k // 3), "capsule") for k in range(9))
+        + '<body pos="0 .1 .1"><freejoint/><geom type="box" size=".1 .1 .1"/></body>'
+        + "</worldbody></mujoco>"
+    )
+    candidates = find_candidates(model, max_contacts=12)
+    datas = random_data(model, rng, 20, 0.1) + random_data(model, rng, 4, 2.0)
+    xpos, xmat = poses(datas)
+
+    def found(x, r):
+        c = detect(model, candidates, x, r)
+        excess = jnp.minimum(c.dist - c.includemargin, 0)
+        rows = jnp.concatenate([c.pos, c.frame.reshape(-1, 9), c.geom1[:, None]], axis=1)
+        return excess, jnp.where(excess[:, None] < 0, rows, 0.0), c.overflow
+
+    plain = jax.jit(jax.vmap(found))(xpos, xmat)
+    looped = jax.jit(jaxsim.vmap(as_kernel(found)))(xpos, xmat)
+    np.testing.assert_array_equal(looped[2], plain[2])
+    assert 0 < np.mean(plain[2] > 0) < 1
+    for span in candidates.ranges:
+        orders = [np.argsort(excess[:, span.slots], axis=1) for excess, *_ in (plain, looped)]
+        for a, b in zip(plain[:2], looped[:2], strict=True):
+            sort = lambda x, o, s=span.slots: np.stack(  # noqa: E731
+                [x[i, s][o[i]] for i in range(len(x))]
+            )
+            np.testing.assert_allclose(sort(b, orders[1]), sort(a, orders[0]), atol=1e-12)
+
+    def depth(f):
+        return lambda x: jnp.sum(f(x, xmat[0])[0] ** 2)
+
+    slopes = [jax.jit(jax.grad(depth(f)))(xpos[0]) for f in (found, as_kernel(found))]
+    np.testing.assert_allclose(*slopes, atol=1e-14)
+    assert np.abs(slopes[0]).max() > 1e-3
 
 
 def test_selection_has_no_nan_where_all_centres_coincide():

@@ -6,10 +6,23 @@ import numpy as np
 import pytest
 
 import jaxsim
-from jaxsim.collision.selection import set_indices, within_reach
+from jaxsim.collision.selection import for_each_set, set_indices, within_reach
 
 # Around the length of a word, of many words, and not a power of two.
 SIZES = [(2, 1), (31, 4), (32, 31), (33, 32), (65, 64), (300, 7), (2560, 80)]
+
+
+@pytest.mark.parametrize("n", [1, 31, 32])
+def test_each_set_index_is_visited_in_order(n, rng):
+    masks = np.stack([rng.random(n) < share for share in (0, 0.2, 0.5, 1)])
+    hashed = jax.vmap(lambda m: for_each_set(m, lambda k, x: (3 * x + k) % 1009, jnp.int32(1)))
+    expected = []
+    for mask in masks:
+        x = 1
+        for k in np.flatnonzero(mask):
+            x = (3 * x + int(k)) % 1009
+        expected.append(x)
+    assert jax.jit(hashed)(masks).tolist() == expected
 
 
 @pytest.mark.parametrize(("n", "count"), SIZES)
