@@ -237,3 +237,28 @@ def test_on_by_default_on_a_gpu(monkeypatch):
     assert switch.lanes_enabled() == switch.lanes_installed()
     switch.enable_lanes(False)
     assert not switch.lanes_enabled()
+
+
+@pytest.mark.parametrize("double", [False, True])
+def test_bits_of_numbers(x64, double):
+    """As words and back, of numbers that are known and of ones that are not; NaN keeps its bits."""
+    dtype = jnp.float64 if double else jnp.float32
+
+    def words(x, n):
+        parts = x, jnp.asarray([0.1, -2.5, jnp.inf], dtype), n.astype(jnp.int32)
+        return [lax.bitcast_convert_type(part, jnp.uint32) for part in parts]
+
+    def back(parts):
+        x, known, n = parts
+        assert lax.bitcast_convert_type(x[:0], dtype).shape == (0,)
+        return [lax.bitcast_convert_type(p, dtype) for p in (x, known)], n + 1
+
+    x = jnp.asarray(RNG.normal(size=(5, 3)), dtype).at[2, 1].set(jnp.nan)
+    n = jnp.arange(-2, 3)
+    made = quick_jit(jax.vmap(as_kernel(words)))(x, n)
+    jax.tree.map(np.testing.assert_array_equal, made, jax.vmap(words)(x, n))
+    jax.tree.map(
+        np.testing.assert_array_equal,
+        quick_jit(jax.vmap(as_kernel(back)))(made),
+        jax.vmap(back)(made),
+    )

@@ -172,10 +172,11 @@ def _restart(constant: Constant) -> tuple[Callable, Words]:
 def _step(constant: Constant, layout: Words) -> tuple[Callable, packing.Results]:
     """The compiled function `(words, action) -> words`, and how results are read from these."""
     advance = functools.partial(batch.guarded_step, constant.value)
-    if lanes_for_one():
-        advance = as_kernel(advance)
 
     def step(words, action):
         return layout.packed(advance(layout.unpacked(words), action))
+
+    if lanes_for_one():
+        step = as_kernel(step)
 
     return compiled(step, jax.default_backend()), packing.Results(layout)

@@ -78,6 +78,8 @@ class Instructions:
         vector, is_float = self.vector(kind), DTYPES[kind].kind == "f"
         if name == "convert":
             return self._convert(out, kind, result, xs[0])
+        if name == "reinterpret":
+            return [f"{out} = bitcast {vector} {xs[0]} to {self.vector(result)}"]
         if name == "select":
             condition = f"{self.vector(BOOL)} {xs[0]}"
             return [f"{out} = select {condition}, {vector} {xs[1]}, {vector} {xs[2]}"]

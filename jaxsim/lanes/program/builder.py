@@ -58,6 +58,14 @@ class Builder(Graph):
             return self.apply("ne", ids, self.like(ids, 0))
         return self._elementwise("convert", target, flat).reshape(ids.shape)
 
+    def reinterpret(self, ids: np.ndarray, dtype: np.dtype) -> np.ndarray:
+        """The same bits as numbers of another type of the same size."""
+        target = code(dtype)
+        flat = ids.reshape(1, -1)
+        if not flat.size or self.type[flat[0, 0]] == target:
+            return ids
+        return self._elementwise("reinterpret", target, flat).reshape(ids.shape)
+
     def like(self, ids: np.ndarray, value) -> np.ndarray:
         """A constant of the type of other nodes."""
         return self.constants(np.asarray(value, DTYPES[self.type[ids.flat[0]]]))
@@ -87,6 +95,8 @@ class Builder(Graph):
         operands = [self.values(row) for row in flat]
         if name == "convert":
             return self.constants(scalars.saturating(operands[0], DTYPES[kind]))
+        if name == "reinterpret":
+            return self.constants(operands[0].view(DTYPES[kind]))
         return self.constants(scalars.fold(name, operands))
 
     def _simplified(self, name: str, kind: int, flat: np.ndarray) -> np.ndarray:

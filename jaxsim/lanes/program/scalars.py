@@ -107,9 +107,9 @@ NUMPY: dict[str, Callable] = {
     "atan2": np.arctan2,
     "pow": np.power,
 }
-"""From arrays of constants to their results; `convert` is apart."""
+"""From arrays of constants to their results; `convert` and `reinterpret` are apart."""
 
-NAMES = ["convert", *NUMPY]
+NAMES = ["convert", "reinterpret", *NUMPY]
 OPS = {name: FIRST_OPERATION + i for i, name in enumerate(NAMES)}
 COMPARISONS = frozenset("lt le gt ge eq ne".split())
 COMMUTATIVE = frozenset("add mul and or xor".split())

@@ -6,7 +6,8 @@ from jaxsim.lanes.program.scalars import OPS
 from jaxsim.lanes.program.types import BOOL, DTYPES
 from jaxsim.lanes.translate import rule
 
-DIRECT = {name: name for name in OPS if name not in ("convert", "select")} | {"add_any": "add"}
+APART = "convert", "reinterpret", "select"
+DIRECT = {name: name for name in OPS if name not in APART} | {"add_any": "add"}
 
 
 def _float(builder, x) -> bool:
@@ -40,6 +41,26 @@ def same(t, eqn, *values):
 def convert_element_type(t, eqn, x):
     """Numbers of another type."""
     return t.convert(x, np.dtype(eqn.params["new_dtype"]))
+
+
+@rule("bitcast_convert_type")
+def bitcast_convert_type(t, eqn, x):
+    """The same bits; numbers of eight bytes are two of four, the low one first."""
+    old, new = (np.dtype(v.aval.dtype) for v in (eqn.invars[0], eqn.outvars[0]))
+    if not x.size:
+        return np.zeros(eqn.outvars[0].aval.shape, np.int32)
+    if old.itemsize == new.itemsize and "b" not in old.kind + new.kind:
+        return t.reinterpret(x, new)
+    if (old.itemsize, new.itemsize) == (8, 4):
+        bits = t.reinterpret(x, np.dtype(np.uint64))
+        high = t.apply("shift_right_logical", bits, t.like(bits, 32))
+        halves = [t.convert(half, np.dtype(np.uint32)) for half in (bits, high)]
+        return t.reinterpret(np.stack(halves, -1), new)
+    if (old.itemsize, new.itemsize) == (4, 8):
+        words = t.convert(t.reinterpret(x, np.dtype(np.uint32)), np.dtype(np.uint64))
+        high = t.apply("shift_left", words[..., 1], t.like(words, 32))
+        return t.reinterpret(t.apply("or", words[..., 0], high), new)
+    raise NotImplementedError(f"bits of {old} as {new}")
 
 
 @rule("select_n")
