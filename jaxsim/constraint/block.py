@@ -6,8 +6,8 @@ from flax import struct
 from jaxtyping import Array, Float
 
 from jaxsim.constraint.entry import Entry
-from jaxsim.constraint.impact import Approach
 from jaxsim.constraint.jacobian import Jacobian
+from jaxsim.constraint.rigid.impact import Approach
 from jaxsim.solver import Kind
 
 

@@ -15,7 +15,6 @@ from jaxsim.constraint.block import Block, RowType
 from jaxsim.constraint.contact_rows import ContactRows, contact_rows
 from jaxsim.constraint.conveyor import surface_velocity
 from jaxsim.constraint.entry import Entry, entry
-from jaxsim.constraint.impact import Approach
 from jaxsim.constraint.impedance import response
 from jaxsim.constraint.jacobian import row_velocity
 from jaxsim.constraint.laws import (
@@ -28,6 +27,7 @@ from jaxsim.constraint.laws import (
     contact_material,
 )
 from jaxsim.constraint.laws.mujoco import ELLIPTIC
+from jaxsim.constraint.rigid.impact import Approach
 from jaxsim.constraint.row_inertia import contact_inertia
 from jaxsim.dynamics.motion import Motion
 from jaxsim.model import Model, ModelError, Option

@@ -147,17 +147,22 @@ class TreeOperator:
         return self._solve_with((), r)
 
     def solve(
-        self, curvatures: Rows, r: Float[Array, "nv"], enough: Float[Array, ""] | float = 0.0
+        self,
+        curvatures: Rows,
+        r: Float[Array, "nv"],
+        enough: Float[Array, ""] | float = 0.0,
+        spare: Float[Array, ""] | float = 0.0,
     ) -> tuple[TreePoint, LinearStatus]:
         """`(M + J^T W J)^-1 r`, lifted, and the status of the linear solve.
 
-        `enough` is a relative residual at which an iterative solve may end.
+        An iterative solve may end where its relative residual is `enough`, or where what is left
+        could lower the objective by about `spare`.
         """
         if self.strategy == "articulated" or not r.size:  # LAPACK has no empty factor
             return self._solve_articulated(curvatures, r)
         solve = self._solve_dense
         if self.strategy == "iterative":
-            solve = functools.partial(self._solve_iteratively, enough=enough)
+            solve = functools.partial(self._solve_iteratively, enough=enough, spare=spare)
         if not self.occasional:
             return solve(curvatures, r)
         coupled = [W for J, W in zip(self.jacobians, curvatures, strict=True) if J.coupled]
@@ -179,14 +184,14 @@ class TreeOperator:
         x = cholesky_solve(factor(self._matrix(pairs)), r)
         return self.lift(x), LinearStatus()
 
-    def _solve_iteratively(self, curvatures: Rows, r, enough) -> tuple[TreePoint, LinearStatus]:
+    def _solve_iteratively(self, curvatures: Rows, r, enough, spare):
         matrix, diagonal = self._uncoupled(zip(self.jacobians, curvatures, strict=True))
 
         def precondition(force):
             return articulated_solve(self.tree, self.cdof, matrix, diagonal, force)[0]
 
         tolerance = jnp.maximum(_CG_ROUNDING * float(jnp.finfo(r.dtype).eps), enough)
-        return pcg_solve(self, curvatures, r, precondition, tolerance, _CG_ITERATIONS)
+        return pcg_solve(self, curvatures, r, precondition, tolerance, _CG_ITERATIONS, 2 * spare)
 
     def _matrix(self, pairs: Iterable[tuple[Jacobian, Array]]) -> Float[Array, "nv nv"]:
         """The matrix `M + J^T W J`; rows that couple are `DenseRows`, see `make_operator`."""

@@ -26,7 +26,7 @@ def joint_rows(free: Model, tree: Model, joints: JointMotion) -> Iterator[Block]
 
     The error decays as that of a critically damped spring with a time constant of two steps. Beside
     rigid contacts, which may not let bodies move so, velocities have no part in it: bodies are
-    displaced, as those that penetrate (`jaxsim.constraint.impact`).
+    displaced, as those that penetrate (`jaxsim.constraint.rigid.displacement`).
     """
     held = Links.of(tree).held
     if not len(held):

@@ -31,6 +31,7 @@ def pcg(
     b: Float[Array, "nv"],
     tolerance: float | Float[Array, ""],
     iterations: int,
+    least: float | Float[Array, ""] = 0.0,
 ) -> tuple[Float[Array, "nv"], LinearStatus]:
     """Solve `A x = b` for a symmetric positive definite A.
 
@@ -40,13 +41,14 @@ def pcg(
         b: Right-hand side.
         tolerance: Bound on the residual `b - A x` relative to b, in the norm of `P^-1`.
         iterations: Largest number of products.
+        least: A square of that norm at which to end, however large b is.
 
     Returns:
         The solution, which is linear in b up to the tolerance, and the status.
     """
     z = precondition(b)
     start = _State(jnp.zeros_like(b), b, z, b @ z, jnp.zeros((), jnp.int32))
-    floor = (jnp.asarray(tolerance, b.dtype) ** 2) * start.energy
+    floor = jnp.maximum(jnp.asarray(tolerance, b.dtype) ** 2 * start.energy, least)
 
     def unfinished(state: _State) -> Array:
         return (state.count < iterations) & (state.energy > floor)
@@ -93,6 +95,7 @@ def pcg_solve(
     precondition: LinearMap,
     tolerance: float | Float[Array, ""],
     iterations: int,
+    least: float | Float[Array, ""] = 0.0,
 ) -> tuple[Lifted, LinearStatus]:
     """The lifted `(M + J^T W J)^-1 r` without forming a matrix, for use in `Operator.solve`.
 
@@ -103,10 +106,11 @@ def pcg_solve(
         precondition: See `pcg`.
         tolerance: See `pcg`.
         iterations: See `pcg`.
+        least: See `pcg`.
     """
 
     def product(x: Array) -> Array:
         return hessian_product(operator, curvatures, x)
 
-    x, status = pcg(product, precondition, r, tolerance, iterations)
+    x, status = pcg(product, precondition, r, tolerance, iterations, least)
     return operator.lift(x), status

@@ -43,20 +43,20 @@ class EllipticCone(ContactCost):
 
     def slip(self, r: Float[Array, "n d"]) -> Float[Array, "n"]:
         """T, the scaled length of the friction residual of every contact."""
-        return jax.vmap(lambda friction, r: _tangent(friction, r)[0])(self.friction, r)
+        return jax.vmap(lambda friction, r: tangent(friction, r)[0])(self.friction, r)
 
     def _one_contact(self):
         return _ONE_CONTACT, (self.D, self.mu, self.friction)
 
 
-def _tangent(friction: Float[Array, "m"], r: Float[Array, "d"]):
+def tangent(friction: Float[Array, "m"], r: Float[Array, "d"]):
     """Length T, a divisor for it, and its gradient with respect to r[1:], zero where T is zero."""
     scaled = friction * r[1:]
     length, safe = norm_and_divisor(scaled)
     return length, safe, friction * scaled / safe
 
 
-def _zones(
+def zones(
     mu: Float[Array, ""], normal: Float[Array, ""], length: Float[Array, ""]
 ) -> tuple[Bool[Array, ""], Bool[Array, ""]]:
     """Whether the contact is in the bottom and in the middle zone."""
@@ -65,55 +65,58 @@ def _zones(
     return bottom, ~top & ~bottom
 
 
-def _select(zones, bottom, middle):
-    in_bottom, in_middle = zones
+def _select(at, bottom, middle):
+    in_bottom, in_middle = at
     return jnp.where(in_bottom, bottom, jnp.where(in_middle, middle, 0.0))
 
 
 def _cost(D, mu, friction, r):
-    length, _, _ = _tangent(friction, r)
+    length, _, _ = tangent(friction, r)
     gap = r[0] - length
     middle = 0.5 * D[0] / (1 + mu * mu) * gap * gap
-    return _select(_zones(mu, r[0], length), 0.5 * jnp.sum(D * r * r), middle)
+    return _select(zones(mu, r[0], length), 0.5 * jnp.sum(D * r * r), middle)
 
 
 def _force(D, mu, friction, r):
-    length, _, gradient = _tangent(friction, r)
+    length, _, gradient = tangent(friction, r)
     pressure = D[0] / (1 + mu * mu) * (length - r[0])
     middle = pressure * jnp.concatenate([jnp.ones_like(r[:1]), -gradient])
-    return _select(_zones(mu, r[0], length), -D * r, middle)
+    return _select(zones(mu, r[0], length), -D * r, middle)
 
 
-def _curvature(D, mu, friction, r):
-    length, safe, gradient = _tangent(friction, r)
+def curvature_of(D, mu, friction, r, direction=None):
+    """Curvature of one contact, for slips in this direction, by default the one they have."""
+    length, safe, gradient = tangent(friction, r)
     normal = jnp.concatenate([jnp.ones_like(r[:1]), -gradient])
-    length_curvature = (jnp.diag(friction * friction) - jnp.outer(gradient, gradient)) / safe
+    along = jnp.outer(gradient, gradient)
+    if direction is not None:
+        both = jnp.outer(gradient, friction * direction)
+        along = 0.5 * (both + both.T)
+    length_curvature = (jnp.diag(friction * friction) - along) / safe
     middle = jnp.outer(normal, normal) + (length - r[0]) * jnp.pad(
         length_curvature, ((1, 0), (1, 0))
     )
     middle = D[0] / (1 + mu * mu) * middle
-    return _select(_zones(mu, r[0], length), jnp.diag(D), middle)
+    return _select(zones(mu, r[0], length), jnp.diag(D), middle)
 
 
 def _slopes(D, mu, friction, r, v):
-    length, safe, gradient = _tangent(friction, r)
+    length, safe, gradient = tangent(friction, r)
     scaled = friction * v[1:]
     rate = gradient @ v[1:]
     # Cauchy-Schwarz makes this difference positive; rounding may not.
     length_curvature = jnp.maximum(jnp.sum(scaled * scaled) - rate * rate, 0.0) / safe
     stiffness, gap, speed = D[0] / (1 + mu * mu), r[0] - length, v[0] - rate
-    zones = _zones(mu, r[0], length)
-    first = _select(zones, jnp.sum(D * r * v), stiffness * gap * speed)
-    second = _select(
-        zones, jnp.sum(D * v * v), stiffness * (speed * speed - gap * length_curvature)
-    )
+    at = zones(mu, r[0], length)
+    first = _select(at, jnp.sum(D * r * v), stiffness * gap * speed)
+    second = _select(at, jnp.sum(D * v * v), stiffness * (speed * speed - gap * length_curvature))
     return first, second
 
 
 def _change(D, mu, friction, r, step):
     end = r + step
-    before, after = _tangent(friction, r)[0], _tangent(friction, end)[0]
-    (bottom0, middle0), (bottom1, middle1) = _zones(mu, r[0], before), _zones(mu, end[0], after)
+    before, after = tangent(friction, r)[0], tangent(friction, end)[0]
+    (bottom0, middle0), (bottom1, middle1) = zones(mu, r[0], before), zones(mu, end[0], after)
     bottom = jnp.sum(D * step * (r + 0.5 * step))
     # Without cancellation: the difference of the squared lengths over the sum of the lengths.
     scaled = friction * step[1:]
@@ -132,9 +135,9 @@ def _is_quadratic(D, mu, friction, r, end):
 
     These zones are convex, so it stays in them.
     """
-    bottom0, middle0 = _zones(mu, r[0], _tangent(friction, r)[0])
-    bottom1, middle1 = _zones(mu, end[0], _tangent(friction, end)[0])
+    bottom0, middle0 = zones(mu, r[0], tangent(friction, r)[0])
+    bottom1, middle1 = zones(mu, end[0], tangent(friction, end)[0])
     return (D[0] <= 0) | ((bottom0 == bottom1) & ~middle0 & ~middle1)
 
 
-_ONE_CONTACT = OneContact(_cost, _force, _curvature, _slopes, _change, _is_quadratic)
+_ONE_CONTACT = OneContact(_cost, _force, curvature_of, _slopes, _change, _is_quadratic)

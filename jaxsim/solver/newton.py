@@ -8,6 +8,8 @@ loop with few iterations also ends at the same point as MuJoCo's.
 If no row changes zone along the full step, and the slope at its end is zero up to rounding, that
 step ends at the minimum: there is no line search and the solve ends.
 
+The Hessian may be one that sees the kink of friction coming, see `primal_dual`.
+
 Two conditions are not MuJoCo's. A step that is not finite is rejected and ends the loop. And if a
 step gains no more than rounding, the gradient no longer decreases and the next step promises
 little, the loop ends whatever the tolerance.
@@ -22,6 +24,7 @@ from flax import struct
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxsim.solver import primal_dual
 from jaxsim.solver.line_search import line_search, make_line
 from jaxsim.solver.operator import Lifted, LinearStatus, Operator, Rows
 from jaxsim.solver.problem import Problem
@@ -32,6 +35,8 @@ PROMISING = 100.0
 # square of the last step's gain (Eisenstat, Walker 1996, "Choosing the forcing terms in an inexact
 # Newton method", choice 2).
 _ROUGH, _FORCING = 0.1, 0.9
+# They need not gain more than this part of the tolerance.
+_SPARE = 1e-4
 
 
 @struct.dataclass
@@ -86,6 +91,7 @@ class _Iterate(NamedTuple):
     done: Bool[Array, ""]
     converged: Bool[Array, ""]
     linear: LinearStatus
+    directions: Rows | None  # of friction, for primal-dual steps
 
 
 class _Search(NamedTuple):
@@ -99,6 +105,7 @@ class _Search(NamedTuple):
     ls_tolerance: Float[Array, ""]
     scale: Float[Array, ""]
     inexact: bool = False
+    kinked: bool = False
     ls_reduction: float = 0.0
     enough: Float[Array, ""] | None = None  # gradient at which a solve ends without another step
 
@@ -117,6 +124,7 @@ def solve(
     compare: bool = True,
     reduction: float = 0.0,
     inexact: bool = False,
+    kinked: bool = False,
     ls_reduction: float = 0.0,
 ) -> Solution:
     """Minimise `1/2 x^T M x - force^T x + s(J x - aref)` over x.
@@ -141,6 +149,7 @@ def solve(
         reduction: The loop also ends, not converged, where the gradient is this part of what it was
             at the start.
         inexact: Whether iterative linear solves need not be more accurate than the step is good.
+        kinked: Whether many contacts stop or turn in a step, so that primal-dual steps pay.
         ls_reduction: Line searches also stop at a slope of this part of the first.
 
     Returns:
@@ -150,9 +159,8 @@ def solve(
     held = (problem, operator, force, x_start, numbers)
     problem, operator, force, x_start, numbers = lax.stop_gradient(held)
     bound, ls_bound, scale = numbers
-    search = _Search(
-        problem, operator, force, ls_iterations, bound, ls_bound, scale, inexact, ls_reduction
-    )
+    options = (inexact, kinked, ls_reduction)
+    search = _Search(problem, operator, force, ls_iterations, bound, ls_bound, scale, *options)
     start = _start(search, x_start, compare and iterations > 0)
     if reduction:
         search = search._replace(enough=reduction * _norm(_residual(search, start)))
@@ -185,7 +193,8 @@ def _start(search: _Search, x: Float[Array, "nv"] | None, compare: bool) -> Lift
 def _run(search: _Search, y: Lifted, iterations: int) -> _Iterate:
     inf = jnp.full_like(search.scale, jnp.inf)
     no, yes = jnp.zeros((), bool), jnp.ones((), bool)
-    state = _Iterate(y, inf, inf, no, jnp.zeros((), jnp.int32), yes, no, no, LinearStatus())
+    first = primal_dual.no_directions(search.problem) if search.kinked else None
+    state = _Iterate(y, inf, inf, no, jnp.zeros((), jnp.int32), yes, no, no, LinearStatus(), first)
     if iterations == 0 or search.force.size == 0:
         return state._replace(finite=jnp.isfinite(_norm(_residual(search, y))))
     if iterations == 1:
@@ -200,7 +209,7 @@ def _step(search: _Search, state: _Iterate) -> _Iterate:
     problem, operator = search.problem, search.operator
     residual = lax.optimization_barrier(_residual(search, state.y))
     gradient = _norm(residual)
-    curvatures = problem.curvatures(operator.rows(state.y))
+    curvatures = _curvatures(search, state)
     ys, linear, rough = _newton_step(search, curvatures, residual, gradient, state.gradient)
     line = make_line(problem, operator, search.force, residual, state.y, ys)
     promise = 0.5 * jnp.abs(line.descent)
@@ -238,20 +247,38 @@ def _step(search: _Search, state: _Iterate) -> _Iterate:
         done=done,
         converged=converged,
         linear=state.linear.then(linear),
+        directions=_next_directions(search, state, ys),
     )
+
+
+def _curvatures(search: _Search, state: _Iterate) -> Rows:
+    rows = search.operator.rows(state.y)
+    if state.directions is None:
+        return search.problem.curvatures(rows)
+    return primal_dual.curvatures(search.problem, rows, state.directions)
+
+
+def _next_directions(search: _Search, state: _Iterate, ys: Lifted) -> Rows | None:
+    if state.directions is None:
+        return None
+    rows, steps = search.operator.rows(state.y), search.operator.rows(ys)
+    return primal_dual.next_directions(search.problem, rows, steps, state.directions)
 
 
 def _newton_step(search: _Search, curvatures: Rows, residual, gradient, before):
     """The step `H^-1 residual`, the status of that solve, and whether it is a rough one.
 
-    A loop that is inexact solves roughly while its steps do not lower the gradient much.
+    A loop that is inexact solves roughly while its steps do not lower the gradient much, and never
+    more accurately than its tolerance deserves.
     """
     if not search.inexact:
         return *search.operator.solve(curvatures, residual), jnp.zeros((), bool)
     gain = jnp.where(jnp.isfinite(before), gradient / before, 1.0)
     enough = jnp.minimum(_FORCING * gain * gain, _ROUGH)
     rough = enough > jnp.sqrt(jnp.finfo(gradient.dtype).eps)
-    found = search.operator.solve(curvatures, residual, jnp.where(rough, enough, 0.0))
+    enough = jnp.where(rough, enough, 0.0)
+    spare = _SPARE * search.tolerance / search.scale
+    found = search.operator.solve(curvatures, residual, enough, spare)
     return *found, rough
 
 

@@ -69,11 +69,16 @@ class Operator(Protocol):
         ...
 
     def solve(
-        self, curvatures: Rows, r: Float[Array, "nv"], enough: Float[Array, ""] | float = 0.0
+        self,
+        curvatures: Rows,
+        r: Float[Array, "nv"],
+        enough: Float[Array, ""] | float = 0.0,
+        spare: Float[Array, ""] | float = 0.0,
     ) -> tuple[Lifted, LinearStatus]:
         """The lifted solution of `(M + J^T W J) s = r`, and the status of the solve.
 
-        An iterative solve may end where its relative residual is `enough`; zero means accurately.
+        An iterative solve may end where its relative residual is `enough`, or where what is left
+        of the residual could lower the objective by about `spare`; zeros mean accurately.
 
         W is diagonal for blocks whose curvature has the shape of `aref`, and block diagonal for
         blocks of shape (n, d, d). The result must be linear in r; it is not differentiated.

@@ -3,7 +3,7 @@
 With `v+ = v + h a` the velocity after the step,
 
     K* contains u + mu |u_t| n, perpendicular to f, which K contains,    u = v+ - v^,
-    v^_t = 0,    v^_n by the time of impact and the restitution (`jaxsim.constraint.impact`)
+    v^_t = 0,    v^_n by the time of impact and the restitution (`jaxsim.constraint.rigid.impact`)
 
 The rows here are a first, regularised problem; passes of the same solver take the regularisation
 away and make friction obey Coulomb (`jaxsim.solver.passes`). The regularisation decides how fast.

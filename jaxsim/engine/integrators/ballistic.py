@@ -4,7 +4,7 @@
 
 (the leapfrog method that begins with positions). Under constant forces it is exact; with forces of
 the position it is of second order, and the energy does not drift. Impacts within the step move its
-end by d (`jaxsim.constraint.impact`).
+end by d (`jaxsim.constraint.rigid.displacement`).
 """
 
 from jaxsim.engine.integrators.advance import advance

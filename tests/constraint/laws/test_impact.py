@@ -7,7 +7,7 @@ import pytest
 from oracle import quick_jit
 
 import jaxsim
-from jaxsim.constraint.impact import Approach, impact
+from jaxsim.constraint.rigid.impact import Approach, impact
 
 G, STEP = 9.81, 0.02
 

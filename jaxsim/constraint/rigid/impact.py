@@ -18,30 +18,13 @@ where that is h / 2,
 seconds of the impulse's velocity are added, since a share lambda of the impulse acts at once and
 the others during the rest. With one contact this is the exact motion under constant forces. What
 other contacts add to an impulse is taken to act during the whole step.
-
-Penetration, which rounding and turning bodies leave, is taken away by moving bodies, not by giving
-them a speed. Depths of several contacts of a body seldom fit together: as velocities they would
-jam what friction holds, and they would throw bodies into the air.
 """
 
-import functools
-from collections.abc import Sequence
 from typing import Any
 
 import jax.numpy as jnp
 from flax import struct
-from jax import lax
 from jaxtyping import Array, Float
-
-from jaxsim.solver import Kind, Operator
-from jaxsim.solver.operator import Rows
-
-# The part by which penetration is reduced in a step.
-_CORRECTION = 0.1
-# Depths below it are none (m).
-_NOTHING = 1e-15
-# An impulse is that of one contact if it is less than this many times what a mean inertia needs.
-_ALONE = 2.0
 
 
 @struct.dataclass
@@ -110,69 +93,3 @@ def at_targets(h: Float[Array, ""], kind: Any, at: Approach, found: Impact) -> A
     normal = (found.target - at.velocity) / h
     on = kind.D[:, 0] > 0
     return kind.replace(aref=kind.aref.at[:, 0].set(jnp.where(on, normal, 0.0)))
-
-
-def impact_displacement(
-    h: Float[Array, ""],
-    contacts: Sequence[tuple[int, Approach, Impact]],
-    forces: Rows,
-    operator: Operator,
-) -> Float[Array, "nv"]:
-    """What impacts add to the path at the mean velocity of a step.
-
-    Args:
-      h: length of the step.
-      contacts: index of each block of contacts, its approach and its impacts.
-      forces: of the rows of all blocks.
-      operator: mass matrix and Jacobian.
-    """
-    late = [jnp.zeros_like(force) for force in forces]
-    for i, at, found in contacts:
-        change = at.inverse_weight * h * forces[i][:, 0]
-        alone = _ALONE * found.change / jnp.where(change > 0, change, 1.0)
-        lever = found.lever * jnp.minimum(alone, 1.0)
-        late[i] = h * lever[:, None] * forces[i]
-    return operator.vector(operator.unconstrained(operator.pull(tuple(late))))
-
-
-def correction(
-    contacts: Sequence[tuple[int, Approach, Impact]],
-    held: Sequence[tuple[int, Array, Array]],
-    kinds: Sequence[Kind],
-    forces: Rows,
-    operator: Operator,
-) -> Float[Array, "nv"]:
-    """The displacement d that takes away about a tenth of the penetration, and errors of joints.
-
-    It is the best multiple of `M^-1 J^T (c / w)`, with c a tenth of the depths, or minus the
-    errors, and w the inverse inertias of the rows: it minimises `sum (J d - c)^2 / w` over those
-    that penetrate or hold.
-
-    Args:
-      contacts: index of each block of contacts, its approach and its impacts.
-      held: index of each block of rows that hold joints, their errors and inverse inertias.
-      kinds: cost of each block.
-      forces: of the rows of all blocks.
-      operator: mass matrix and Jacobian.
-    """
-    wanted = {i: (-error, 1 / w) for i, error, w in held}
-    for i, at, _ in contacts:
-        depth = jnp.where(kinds[i].D[:, 0] > 0, jnp.maximum(-at.dist, 0.0), 0.0)
-        normal = jnp.zeros_like(forces[i]).at[:, 0].set(_CORRECTION * depth)
-        wanted[i] = normal, jnp.where(normal > 0, 1 / at.inverse_weight[:, None], 0.0)
-    # In units of the largest, for squares of small numbers would vanish; it has no derivative.
-    largest = [jnp.max(jnp.abs(c), initial=0) for c, _ in wanted.values()]
-    size = lax.stop_gradient(functools.reduce(jnp.maximum, largest))
-    size = jnp.where(size > _NOTHING, size, 1.0)
-    pushes = [jnp.zeros_like(force) for force in forces]
-    for i, (c, inertia) in wanted.items():
-        pushes[i] = c / size * inertia
-    y = operator.unconstrained(operator.pull(tuple(pushes)))
-    promised = needed = jnp.zeros(())
-    for i, (_, inertia) in wanted.items():
-        moved = operator.rows(y)[i]
-        promised = promised + jnp.sum(pushes[i] * moved)
-        needed = needed + jnp.sum(moved * moved * inertia)
-    some = needed > 0
-    best = jnp.where(some, promised / jnp.where(some, needed, 1.0), 0.0)
-    return best * size * operator.vector(y)

@@ -1,0 +1,1 @@
+"""Rigid contacts and joints: impacts, passes, displacements, and friction without creep."""
