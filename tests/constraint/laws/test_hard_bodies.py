@@ -84,6 +84,37 @@ def test_without_contact_the_energy_of_a_pendulum_does_not_drift():
     assert np.ptp(energy) < 1.05 * swing
 
 
+SPRUNG = """<mujoco><option timestep=".02"/><worldbody>
+  <geom type="plane" size="0 0 1" friction=".2"/>
+  <body pos="0 0 .1"><joint type="slide" axis="1 0 0" stiffness="8"/>
+    <joint type="slide" axis="0 0 1"/><geom size=".1" mass="2" friction=".2"/></body></worldbody>
+  </mujoco>"""
+
+
+def test_sliding_between_events_is_of_second_order():
+    """On a spring: `x = (x0 + a) cos w t + v0 / w sin w t - a`, with `a = mu m g / k`.
+
+    A ball that slips is exact at any step, so it has no slope.
+    """
+    model, speed, end, w = jaxsim.load(SPRUNG, contact="hard"), 2.0, 0.4, 2.0
+    start = jaxsim.make_state(model).replace(qvel=jnp.array([speed, 0.0]))
+
+    @quick_jit
+    def final(h, steps):
+        changed = model.replace(opt=model.opt.replace(timestep=h))
+        step = lambda _, state: jaxsim.step(changed, state)  # noqa: E731
+        after = jax.lax.fori_loop(0, steps, step, start)
+        return jnp.stack([after.qpos[0], after.qvel[0]])
+
+    a = 0.2 * G / w**2
+    x = a * np.cos(w * end) + speed / w * np.sin(w * end) - a
+    v = -a * w * np.sin(w * end) + speed * np.cos(w * end)
+    assert v > 0.1, "it turns"
+    errors = [np.abs(final(jnp.asarray(end / n), n) - np.array([x, v])) for n in (20, 40)]
+    slopes = np.log2(errors[0] / errors[1])
+    np.testing.assert_allclose(slopes, 2, atol=0.1)
+
+
 BOX = """<mujoco><option timestep="{}"/><worldbody>
   <geom type="plane" size="0 0 1" friction=".5" margin=".5"/>
   <body pos="0 0 1"><freejoint/><geom type="box" size=".25 .25 .25" friction=".5" contype="0"/>
