@@ -46,3 +46,17 @@ def test_float32_agrees_near_touching(names, rng, two_geoms):
     # The float32 sum of a position and a size is rounded to 3e-8 m, and a dozen of them are added.
     np.testing.assert_allclose(np.min(f(*single)[0], axis=1), dist, atol=5e-7)
     assert f(*single)[0].dtype == np.float32
+
+
+def test_points_of_a_small_sphere_on_a_mesh_agree_in_float32(rng, two_geoms):
+    """On faces, too, where every corner of the face is as near along the normal."""
+    names = "sphere", "mesh"
+    model = two_geoms(*names)
+    size, hull, f = 0.05 * model.geom_size, hulls(model), values(names)
+    size[1] = model.geom_size[1]
+    pos = np.stack([rng.uniform(-0.12, 0.12, (54, 3)), np.zeros((54, 3))], axis=1)
+    single = rounded((pos, np.tile(np.eye(3), (54, 2, 1, 1)), size, hull), np.float32)
+    dist, points, _ = f(*rounded(single, np.float64))
+    outside = np.asarray(dist[:, 0]) > -size[0, 0]
+    assert outside.sum() > 30
+    np.testing.assert_allclose(f(*single)[1][outside], points[outside], atol=1e-6)

@@ -120,7 +120,7 @@ def _or_cap(
     n = jnp.where(axis @ found.normal < 0, -axis, axis)
     fixed = lax.stop_gradient(n)
     separation = fixed @ solids.support(fixed).difference
-    flat = lax.stop_gradient(separation > found.separation - SMALL * solids.size)
+    flat = lax.stop_gradient(separation > found.separation - _slack(solids))
     corners = _at(solids, found.vertices, n)
     dist = n @ (found.weights @ corners.difference)
     first, second = found.weights @ corners.first, found.weights @ corners.second
@@ -134,7 +134,7 @@ def _unless_hidden(solids: SolidPair, found: SearchResult, result: Touch) -> Tou
 
     The normal of the latter has derivative zero.
     """
-    slack = SMALL * solids.size
+    slack = _slack(solids)
     reached = solids.support(lax.stop_gradient(result.normal))
     separation = result.normal @ reached.difference
     hidden = (separation < found.separation - slack) | (separation < result.dist - slack)
@@ -150,6 +150,12 @@ def _unless_hidden(solids: SolidPair, found: SearchResult, result: Touch) -> Tou
     return jax.tree.map(lambda x, y: jnp.where(hidden, x, y), other, result)
 
 
+def _slack(solids: SolidPair) -> Float[Array, ""]:
+    """Differences of separations below this are rounding errors, also if one solid is small (m)."""
+    largest = jnp.maximum(solids.first.reach, solids.second.reach)
+    return SMALL * solids.size + 8 * float(jnp.finfo(largest.dtype).eps) * largest
+
+
 def _span(solids: SolidPair, found: SearchResult, n: Float[Array, "3"]) -> _Span:
     """The corners of the simplex that touch, from its point closest to q as in the search."""
     corners = lax.stop_gradient(_at(solids, found.vertices, n).difference)
@@ -159,7 +165,10 @@ def _span(solids: SolidPair, found: SearchResult, n: Float[Array, "3"]) -> _Span
     at, one, last = (jnp.sum(jnp.where(m[:, None], corners, 0), axis=0) for m in order)
     q = -n * jnp.maximum(BEYOND[-1] * size - n @ at, 0)
     _, weights, k = closest_with(at - q, jnp.stack([one, last, last]) - q[None])
-    used = jnp.stack([jnp.where(k == 0, weights[1], 0), jnp.where(k == 0, weights[2], weights[1])])
+    # The triangle is tried twice, with `one` before `last` (k = 0) and after it (k = 2).
+    first, second = weights[1:]
+    of_one = jnp.where(k == 0, first, jnp.where(k == 2, second, 0))
+    used = jnp.stack([of_one, jnp.where(k == 0, second, first)])
     others = jnp.stack(order[1:])
     numbers = found.vertices.numbers
     same = jnp.all(numbers == jnp.sum(jnp.where(base[:, None], numbers, 0), axis=0)[None], axis=1)
