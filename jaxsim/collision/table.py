@@ -22,7 +22,11 @@ from jaxsim.collision.pairs.box import capsule_box, sphere_box
 from jaxsim.collision.pairs.box_box import box_box
 from jaxsim.collision.pairs.capsule import capsule_capsule, sphere_capsule, sphere_sphere
 from jaxsim.collision.pairs.cylinder import sphere_cylinder
-from jaxsim.collision.pairs.height_field import height_field_pair
+from jaxsim.collision.pairs.height_field import (
+    MAX_CONTACTS,
+    height_field_pair,
+    height_field_sphere,
+)
 from jaxsim.collision.pairs.plane import (
     plane_box,
     plane_capsule,
@@ -61,7 +65,7 @@ PAIRS: dict[tuple[int, int], PairFunction] = {
     (PLANE, CYLINDER): PairFunction(plane_cylinder, 4),
     (PLANE, BOX): PairFunction(plane_box, 4),
     (PLANE, MESH): PairFunction(plane_mesh, 4),
-    (HFIELD, SPHERE): PairFunction(*height_field_pair(Point)),
+    (HFIELD, SPHERE): PairFunction(height_field_sphere, MAX_CONTACTS),
     (HFIELD, CAPSULE): PairFunction(*height_field_pair(Segment)),
     (HFIELD, ELLIPSOID): PairFunction(*height_field_pair(Ellipsoid)),
     (HFIELD, CYLINDER): PairFunction(*height_field_pair(Cylinder)),

@@ -1,6 +1,7 @@
 """Height fields: prisms as MuJoCo's."""
 
 import jax
+import jax.numpy as jnp
 import mujoco
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from oracle import quick_jit
 
 import jaxsim
 from jaxsim.collision import detect, model_candidates
+from jaxsim.collision.pairs.prism import point_prisms
 
 HEIGHTS = " ".join(f"{x:.3f}" for x in np.random.default_rng(0).random(63))
 SCENE = """<mujoco><asset><hfield name="hills" nrow="7" ncol="9" size="1 .6 .2 .2"
@@ -25,7 +27,7 @@ def random_scenes(geom, rng, count=60):
         data.qpos[:] = [*pos, *quat / np.linalg.norm(quat)]
         mujoco.mj_fwdPosition(mj, data)
         pose = data.geom_xpos.copy(), data.geom_xmat.reshape(-1, 3, 3).copy()
-        scenes.append((*pose, data.contact.dist.copy()))
+        scenes.append((*pose, data.contact.dist.copy(), data.contact.pos.copy()))
     return mj, scenes
 
 
@@ -51,7 +53,7 @@ def test_contacts_are_mujocos(geom, same_depth, rng, x64):
     near = np.abs(double) < 0.01
     np.testing.assert_allclose(single[near], double[near], atol=1e-6)
     touched = 0
-    for dist, (_, _, expected) in zip(double, scenes, strict=True):
+    for dist, (_, _, expected, _) in zip(double, scenes, strict=True):
         ours, expected = np.sort(dist[dist < 0]), np.sort(expected)[:8]
         assert len(ours) == len(expected)
         touched += len(expected) > 0
@@ -60,6 +62,70 @@ def test_contacts_are_mujocos(geom, same_depth, rng, x64):
         else:
             assert (ours < expected + 1e-6).all()
     assert 10 < touched < 55
+
+
+def test_contacts_of_a_small_sphere_are_in_mujocos_order(rng, x64):
+    """It lies on at most four cells. MuJoCo's positions are exact where its centre is outside."""
+    mj, scenes = random_scenes('type="sphere" size=".09"', rng, 200)
+    model = jaxsim.load(mj)
+    found = quick_jit(jaxsim.vmap(lambda x, r: detect(model, model_candidates(model), x, r)))
+    contacts = jax.device_get(found(*(np.array([s[k] for s in scenes]) for k in range(2))))
+    shallow = 0
+    for dist, pos, (_, _, expected, points) in zip(
+        contacts.dist, contacts.pos, scenes, strict=True
+    ):
+        np.testing.assert_allclose(dist[dist < 0], expected, atol=1e-6)
+        outside = expected > -0.09
+        shallow += outside.sum()
+        np.testing.assert_allclose(pos[dist < 0][outside], points[outside], atol=1e-10)
+    assert shallow > 100
+    assert not contacts.overflow.any()
+
+
+def test_a_field_of_one_cell_has_two_contacts(x64):
+    """Slots beyond the number of prisms stay empty."""
+    one = SCENE.replace('nrow="7" ncol="9"', 'nrow="2" ncol="2"')
+    mj = mujoco.MjModel.from_xml_string(
+        one.format(heights="0 1 .3 .6", geom='type="sphere" size=".3"')
+    )
+    model, data = jaxsim.load(mj), mujoco.MjData(mj)
+    mujoco.mj_forward(mj, data)
+    pose = data.geom_xpos, data.geom_xmat.reshape(-1, 3, 3)
+    contacts = quick_jit(lambda x, r: detect(model, model_candidates(model), x, r))(*pose)
+    assert contacts.active.sum() == data.ncon == 2
+
+
+STEP, BASE = np.array([0.3, 0.2]), 0.4
+GRID = np.random.default_rng(1).uniform(0, 0.2, (3, 3))
+
+
+def sides(point):
+    """Distances and normals of a point from eight prisms, as one array."""
+    x, y = (point[k] - STEP[k] * np.arange(3) for k in range(2))
+    dist, normal = point_prisms((x, y), jnp.asarray(GRID), point[2], jnp.asarray(STEP), BASE)
+    return jnp.concatenate([dist, normal.ravel()])
+
+
+def test_derivatives_of_a_point_and_prisms(rng, x64):
+    """Right at random points, around and inside; finite on corners, edges, faces and walls."""
+    low, high = [-0.1, -0.1, -0.5], [0.7, 0.5, 0.4]
+    corners = [[0.3 * i, 0.2 * j, GRID[j, i]] for i in range(3) for j in range(3)]
+    middle = np.mean([corners[0], corners[3], corners[4]], axis=0)
+    special = [*corners, middle, middle - [0, 0, 0.1], [0.3, 0.1, 0.0], [0.15, 0.1, -BASE]]
+    special += [np.mean([a, b], axis=0) for a in corners for b in corners[:4]]
+    points = jnp.asarray(np.concatenate([rng.uniform(low, high, (300, 3)), special]))
+    both = quick_jit(jax.vmap(lambda x: (sides(x), jax.jacfwd(sides)(x), jax.jacrev(sides)(x))))
+    values, forward, backward = both(points)
+    assert np.isfinite(forward).all()
+    np.testing.assert_allclose(np.linalg.norm(values[:, 8:].reshape(-1, 3), axis=1), 1, rtol=1e-12)
+    np.testing.assert_allclose(backward[:300], forward[:300], atol=1e-11)
+    h = 1e-6
+    step = h * np.eye(3)[None]
+    plus, minus = (both((points[:300, None] + s * step).reshape(-1, 3)) for s in (1, -1))
+    difference = (np.asarray(plus[0]) - minus[0]).reshape(300, 3, -1).swapaxes(1, 2) / (2 * h)
+    smooth = np.abs(np.asarray(plus[1] - minus[1]).reshape(300, 3, -1, 3)).max(axis=(1, 3)) < 1e-3
+    assert smooth.mean() > 0.97
+    np.testing.assert_allclose(forward[:300][smooth], difference[smooth], atol=1e-6)
 
 
 def test_what_finds_no_slot_is_counted(x64):

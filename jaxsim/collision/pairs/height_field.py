@@ -2,7 +2,7 @@
 
 Each cell of the grid is split into two triangles, and each triangle with the ground below it is a
 prism, as in MuJoCo. A fixed number of prisms, enough for the bounding box of the solid, is tested,
-and the deepest contacts are kept. The others are counted as lost.
+and the deepest contacts are kept. The others are counted as lost. Spheres have a closed form.
 """
 
 from collections.abc import Callable
@@ -10,11 +10,14 @@ from collections.abc import Callable
 import jax
 import jax.numpy as jnp
 import numpy as np
+from flax import struct
 from jax import lax
 from jaxtyping import Array, Bool, Float
 
-from jaxsim.collision.convex import Polytope, Solid, convex_pair
-from jaxsim.collision.shapes import Contacts, HeightField, Hull, Shape
+from jaxsim.collision.convex import Point, Polytope, Solid, convex_pair
+from jaxsim.collision.frames import tangent_of
+from jaxsim.collision.pairs.prism import point_prisms
+from jaxsim.collision.shapes import INACTIVE, Contacts, HeightField, Hull, Shape
 from jaxsim.collision.spread import one_hot, pick
 
 # Most contacts of one solid with a height field.
@@ -38,35 +41,81 @@ def height_field_pair(
     of_prism, _ = convex_pair(Prism, second)
 
     def pair(field: Shape, solid: Shape) -> Contacts:
-        corners, covered = _prisms(field, second, solid)
-        found = jax.vmap(lambda c: of_prism(_prism(field, c), solid))(corners)
-        single = [x[:, 0] for x in (found.dist, found.pos, found.normal, found.tangent)]
-        left, chosen = found.dist[:, 0], []
-        for _ in range(MAX_CONTACTS):
-            chosen.append(one_hot(-left))
-            left = jnp.where(chosen[-1], jnp.inf, left)
-        kept = (jnp.stack([pick(m, x) for m in chosen]) for x in single)
-        beyond = jnp.where(covered, jnp.inf, -jnp.inf).astype(left.dtype)
-        return Contacts(*kept, others=lax.stop_gradient(jnp.append(left, beyond)))
+        window = _window(field, second(solid))
+        found = jax.vmap(lambda c: of_prism(_prism(field, c), solid))(_prisms(window))
+        return _in_slots(jax.tree.map(lambda x: x[:, 0], found), window.covered)
 
     return pair, MAX_CONTACTS
 
 
-def _prisms(
-    shape: Shape, kind: type[Solid], solid: Shape
-) -> tuple[Float[Array, "p 6 3"], Bool[Array, ""]]:
-    """Corners of the prisms below a solid, in the field's axes, and whether these are all."""
+def height_field_sphere(field: Shape, sphere: Shape) -> Contacts:
+    """A height field and a sphere, in closed form."""
+    window, radius = _window(field, Point(sphere)), sphere.size[0]
+    x, y, z = field.mat.T @ (sphere.pos - field.pos)
+    dist, normal = point_prisms(
+        (x - window.x, y - window.y), window.height, z, window.field.step, window.field.base
+    )
+    normal = normal @ field.mat.T
+    pos = sphere.pos[None] - normal * ((dist + radius) / 2)[:, None]
+    found = Contacts(dist - radius, pos, normal, jax.vmap(tangent_of)(normal))
+    return _in_slots(found, window.covered)
+
+
+def _in_slots(found: Contacts, covered: Bool[Array, ""]) -> Contacts:
+    """The deepest contacts; if there are not more than slots, in the order of their prisms."""
+    number, slot = len(found.dist), np.arange(MAX_CONTACTS)
+    if number <= MAX_CONTACTS:
+        kept = jax.tree.map(lambda x: x[np.minimum(slot, number - 1)], found)
+        kept = kept.replace(dist=jnp.where(slot < number, kept.dist, INACTIVE))
+        left = jnp.zeros(0, found.dist.dtype)
+    else:
+        left, chosen = found.dist, []
+        for _ in range(MAX_CONTACTS):
+            chosen.append(one_hot(-left))
+            left = jnp.where(chosen[-1], jnp.inf, left)
+        kept = jax.tree.map(lambda x: jnp.stack([pick(m, x) for m in chosen]), found)
+    beyond = jnp.where(covered, jnp.inf, -jnp.inf).astype(left.dtype)
+    return kept.replace(others=lax.stop_gradient(jnp.append(left, beyond)))
+
+
+@struct.dataclass
+class _Window:
+    """The tested cells.
+
+    Attributes:
+      field: the height field.
+      x: coordinates of the columns of points, in the field's axes.
+      y: coordinates of the rows of points.
+      height: heights of the points.
+      covered: whether these cells are all below the bounding box of the solid.
+    """
+
+    field: HeightField
+    x: Float[Array, "c"]
+    y: Float[Array, "r"]
+    height: Float[Array, "r c"]
+    covered: Bool[Array, ""]
+
+
+def _window(shape: Shape, solid: Solid) -> _Window:
     field = _field(shape)
-    first, covered = _first_cell(field, shape, kind(solid))
-    at = [first[k] + jnp.arange(field.window + 1) for k in range(2)]
-    height = field.heights[field.row, at[1][:, None], at[0][None]]
-    x, y = (at[k] * field.step[k] - field.extent[k] for k in range(2))
-    grid = jnp.stack([*jnp.meshgrid(x, y), height], axis=-1)
+    first, covered = _first_cell(field, shape, solid)
+    column, row = (n + jnp.arange(field.window + 1) for n in first)
+    # Measured from the middle, so that rounding errors are small there.
+    middle = (field.count - 1) / 2
+    x, y = ((n - middle[k]) * field.step[k] for k, n in enumerate((column, row)))
+    height = field.heights[field.row, row[:, None], column[None]]
+    return _Window(field, x, y, height, covered)
+
+
+def _prisms(window: _Window) -> Float[Array, "p 6 3"]:
+    """Corners of the prisms, in the field's axes."""
+    grid = jnp.stack([*jnp.meshgrid(window.x, window.y), window.height], axis=-1)
     a, b, c, d = grid[:-1, :-1], grid[1:, :-1], grid[:-1, 1:], grid[1:, 1:]
-    triangles = jnp.stack([jnp.stack(t, axis=2) for t in ((a, b, d), (a, c, d))])
+    triangles = jnp.stack([jnp.stack(t, axis=2) for t in ((a, b, d), (a, c, d))], axis=2)
     top = triangles.reshape(-1, 3, 3)
-    bottom = jnp.concatenate([top[..., :2], jnp.full_like(top[..., :1], -field.base)], axis=2)
-    return jnp.concatenate([top, bottom], axis=1), covered
+    low = jnp.full_like(top[..., :1], -window.field.base)
+    return jnp.concatenate([top, jnp.concatenate([top[..., :2], low], axis=2)], axis=1)
 
 
 def _field(shape: Shape) -> HeightField:
