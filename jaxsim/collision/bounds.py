@@ -77,6 +77,7 @@ FACES: dict[int, tuple[int, ...]] = {
     HFIELD: (0, 1, 2),
     CYLINDER: (2,),
     BOX: (0, 1, 2),
+    MESH: (0, 1, 2),
 }
 LONG = CAPSULE, CYLINDER
 
