@@ -237,7 +237,8 @@ def _errors(ours, theirs: mujoco.MjData) -> np.ndarray:
 def _decided(mj: mujoco.MjModel, data: mujoco.MjData, errors: np.ndarray, noise: float) -> bool:
     """Whether the errors are larger than the differences of MuJoCo's answers near the state."""
     rng, largest = np.random.default_rng(0), np.zeros(2)
-    near, exact = mujoco.MjData(mj), mj.geom_pos.copy()
+    near, exact, same = mujoco.MjData(mj), mj.geom_pos.copy(), mj.geom_sameframe.copy()
+    mj.geom_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE  # or it would not read positions
     for _ in range(NOISES):
         # Shapes that turn on each other touch by rounding, whatever the joints' angles.
         mj.geom_pos[:] = exact + noise * rng.normal(size=exact.shape)
@@ -245,7 +246,7 @@ def _decided(mj: mujoco.MjModel, data: mujoco.MjData, errors: np.ndarray, noise:
         mujoco.mj_integratePos(mj, near.qpos, noise * rng.normal(size=mj.nv), 1)
         mujoco.mj_forward(mj, near)
         largest = np.maximum(largest, _errors((near.qacc, near.sensordata), data))
-    mj.geom_pos[:] = exact
+    mj.geom_pos[:], mj.geom_sameframe[:] = exact, same
     return not np.all(errors <= 2 * largest)  # true for NaN, too
 
 

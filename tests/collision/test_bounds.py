@@ -11,7 +11,7 @@ from oracle import quick_jit
 
 from jaxsim.collision import PAIRS, Shape
 from jaxsim.collision.bounds import HALF_WIDTH, distance_bound
-from jaxsim.collision.table import BOX, CAPSULE, CYLINDER, ELLIPSOID, PLANE, SPHERE
+from jaxsim.collision.table import BOX, CAPSULE, CYLINDER, ELLIPSOID, MESH, PLANE, SPHERE
 
 SIZES = {
     PLANE: (0, 0, 0),
@@ -74,6 +74,16 @@ def test_no_contact_is_closer(types, dtype, rng):
     assert (bound[dist > 0.1] > 0).mean() > 0.7
     if types[0] == PLANE:
         np.testing.assert_allclose(bound, dist, atol=rounding)
+
+
+@pytest.mark.parametrize("other", [SPHERE, CYLINDER], ids=lambda t: name([t]))
+def test_the_bound_of_a_mesh_is_that_of_its_box(other, rng):
+    shapes = [random_shapes(t, rng, 100, "float64") for t in (other, BOX)]
+    as_mesh, as_box = (
+        quick_jit(jax.vmap(functools.partial(distance_bound, (other, t))))(*shapes)
+        for t in (MESH, BOX)
+    )
+    np.testing.assert_array_equal(as_mesh, as_box)
 
 
 def test_tall_posts_side_by_side_are_apart():
