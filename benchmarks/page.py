@@ -294,8 +294,10 @@ SECTIONS = (
         "mpc",
         "Control by planning anew",
         "One iteration of iLQR over the whole horizon for each control, kernels on: time until the "
-        "control is known, beside the interval for which it is applied. End: tilt of the rods half "
-        "a horizon after the swing-up, or how far a trotting quadruped came.",
+        "control is known, beside the interval for which it is applied. For `spin` two iterations "
+        "of InverseDynamics in float64. End: tilt of the rods half a horizon after the "
+        "swing-up, how far a trotting quadruped came, or how far a finger turned a wheel that is "
+        "heavier and more slippery than it knows; its row is of an EPYC, a day later.",
         plain(*"task,horizon,compile s,interval ms,median ms,95 % ms,end".split(",")),
     ),
     Section(
