@@ -42,8 +42,9 @@ _SHARPEN, _SHARP = 0.5, 0.05
 _GOOD_ENOUGH, _FEASIBLE = 1e-3, 1e-2
 # A replay that costs at most so much more, in units of the tolerance, is taken for the plan.
 _CLOSE = 10
-# Blur and penalty that a plan begins with when it is made anew: contacts that slipped are felt.
-_BLUR_AGAIN, _PENALTY_AGAIN = 0.3, 1e3
+# Blur and penalty that a plan begins with when it is made anew: contacts that slipped or ended too
+# soon are felt, also from where a finger goes back to after a push.
+_BLUR_AGAIN, _PENALTY_AGAIN = 0.6, 1e3
 # Largest penalties with and without blur, and the first one without.
 _PENALTIES = 1e4, 1e6
 _SHARP_PENALTY = 1e2

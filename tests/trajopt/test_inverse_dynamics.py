@@ -174,6 +174,31 @@ def test_a_finger_pushes_another_box_than_it_knows_by_planning_anew(x64):
 
 
 @pytest.mark.slow
+def test_a_finger_turns_another_wheel_than_it_knows_by_planning_anew(x64):
+    """It is heavier, more slippery and brakes more: the first push ends at a third of the way."""
+    problem = TASKS["spin"].make()
+    model, heavier = problem.space.model, jnp.array([1, 1, 1, 1.3])
+    plant = model.replace(
+        geom_friction=0.7 * model.geom_friction,
+        dof_damping=model.dof_damping.at[2].mul(1.5),
+        body_mass=heavier * model.body_mass,
+        body_inertia=heavier[:, None] * model.body_inertia,
+    )
+    track = quick_jit(
+        lambda u: trajopt.mpc(
+            problem,
+            trajopt.InverseDynamics(reach=0.03),
+            160,
+            u,
+            first_iterations=160,
+            iterations=2,
+            plant=lambda x, u: jaxsim.step(plant, x, u),
+        )
+    )(jnp.zeros((problem.horizon, 2)))
+    np.testing.assert_allclose(track.states.qpos[-20:, 2], 2, atol=0.1)
+
+
+@pytest.mark.slow
 def test_an_arm_rolls_a_ball(x64):
     """With blurred contacts the hand finds the ball; iLQR goes on with the law itself."""
     problem, path = scenes.roller()
