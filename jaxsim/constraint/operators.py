@@ -18,6 +18,7 @@ from collections.abc import Iterable
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from flax import struct
 from jax import lax
 from jaxtyping import Array, Float
@@ -26,7 +27,8 @@ from jaxsim.arrays.indexing import sum_by, take
 from jaxsim.batching.matrices import cholesky, cholesky_solve
 from jaxsim.batching.primitives.decisions import any_in_batch
 from jaxsim.constraint.block import Block, RowType
-from jaxsim.constraint.jacobian import DenseRows, Jacobian, add_products
+from jaxsim.constraint.contact_rows import ContactRows
+from jaxsim.constraint.jacobian import DenseRows, Jacobian, LinkRows, add_products
 from jaxsim.dynamics.aba import articulated_solve
 from jaxsim.dynamics.components import (
     RestrictedInertia,
@@ -41,6 +43,7 @@ from jaxsim.dynamics.reflected import dof_armature
 from jaxsim.dynamics.rnea import tree_force
 from jaxsim.dynamics.tendons.inertia import has_tendon_inertia, tendon_inertia
 from jaxsim.dynamics.tree import accumulate_outward
+from jaxsim.lanes.switch import tracing_cpu_kernel
 from jaxsim.model import Model
 from jaxsim.model.dof_order import to_compound_order
 from jaxsim.model.topology import Forest
@@ -52,6 +55,8 @@ from jaxsim.spatial import Inertia
 _CG_ROUNDING = 10.0
 # The preconditioned matrix has few distinct eigenvalues, so more iterations would not converge.
 _CG_ITERATIONS = 200
+# Contacts for which a kernel decides together whether their rows are needed.
+_TOGETHER = 4
 
 STRATEGIES = ("articulated", "dense", "iterative")
 
@@ -274,13 +279,24 @@ def factor(H: Float[Array, "n n"]) -> Float[Array, "n n"]:
 
 
 def _dense_rows(J: Jacobian, D: Array, tree: Forest, cdof: Float[Array, "nv c"]) -> DenseRows:
-    """The rows as a matrix, or zeros while no row is active (`D = 0`) in the whole batch."""
+    """The rows as a matrix, or zeros while no row is active (`D = 0`) in the whole batch.
+
+    A kernel decides this for a few contacts at a time: the first slots are filled first.
+    """
+    if not (tracing_cpu_kernel() and isinstance(J, LinkRows | ContactRows)):
+        return DenseRows(_dense_or_zeros(J, D, tree, cdof))
+    parts = np.split(np.arange(len(D)), range(_TOGETHER, len(D), _TOGETHER))
+    dense = [
+        _dense_or_zeros(J.items(jnp.asarray(i)), D[i[0] : i[-1] + 1], tree, cdof) for i in parts
+    ]
+    return DenseRows(jnp.concatenate(dense))
+
+
+def _dense_or_zeros(J: Jacobian, D: Array, tree: Forest, cdof: Float[Array, "nv c"]) -> Array:
     shape = jax.eval_shape(lambda cdof: J.dense(tree, cdof), cdof)
-    return DenseRows(
-        lax.cond(
-            any_in_batch(jnp.any(D != 0)),
-            lambda cdof: J.dense(tree, cdof),
-            lambda _: jnp.zeros(shape.shape, shape.dtype),
-            cdof,
-        )
+    return lax.cond(
+        any_in_batch(jnp.any(D != 0)),
+        lambda cdof: J.dense(tree, cdof),
+        lambda _: jnp.zeros(shape.shape, shape.dtype),
+        cdof,
     )
