@@ -149,9 +149,10 @@ def _emitter(
       longest: operations of a piece, at most.
     """
     graph, kinds, values = Builder(finite_math, pointers is CPU), [], []
+    alone = width == 1 and pointers is CPU
     for k, (aval, own) in enumerate(zip(program.in_avals, batched, strict=True)):
         kind = code(aval.dtype)
-        ids = graph.leaf(INPUT, kind, aval.size, k, uniform=not own)
+        ids = graph.leaf(INPUT, kind, aval.size, k, uniform=alone or not own)
         values.append(ids.reshape(aval.shape))
         kinds.append((kind, own))
     results = translate.evaluate(graph, forms.program(program), values)
