@@ -77,7 +77,7 @@ def geom_distances(
         kind = ContactKind(1, (True, True))
         first, second = rows[at].T
         group = PairGroup((key[0], key[1]), kind, first, second, np.full(len(at), -1))
-        contacts = pair_contacts(model, function, group, shapes, (first, second))
+        contacts = pair_contacts(model, function, group, shapes, (first, second, group.pair))
         found, ends = jax.vmap(_nearest)(contacts)
         ends = jnp.where(jnp.asarray(flipped[at])[:, None], jnp.roll(ends, 3, axis=1), ends)
         near = found < take(dist, at)

@@ -6,15 +6,17 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 from jaxtyping import Array, Int
 
 from jaxsim.arrays.indexing import Index, gather
 from jaxsim.collision.candidates import PairGroup
 from jaxsim.collision.fields import Fields
 from jaxsim.collision.hulls import Hulls
+from jaxsim.collision.parameters import contact_reach
 from jaxsim.collision.sdf import SignedDistances
 from jaxsim.collision.shapes import Contacts, Shape
-from jaxsim.collision.table import HFIELD, MESH, PAIRS, SDF
+from jaxsim.collision.table import BOX, HFIELD, MESH, PAIRS, SDF
 
 
 def contacts_of_groups(
@@ -32,8 +34,8 @@ def contacts_of_groups(
     found = {}
     for members in together.values():
         group = _union([groups[k] for k in members])
-        geoms = [join_ids([ids[k][side] for k in members]) for side in range(2)]
-        contacts = pair_contacts(model, PAIRS[group.types].function, group, shapes, geoms)
+        joined = [join_ids([ids[k][i] for k in members]) for i in range(3)]
+        contacts = pair_contacts(model, PAIRS[group.types].function, group, shapes, joined)
         stops = np.cumsum([len(ids[k][0]) for k in members])
         for k, start, stop in zip(members, [0, *stops], stops, strict=False):
             found[k] = jax.tree.map(lambda x, a=start, b=stop: x[a:b], contacts)
@@ -55,10 +57,10 @@ def pair_contacts(
     function: Callable[[Shape, Shape], Contacts],
     group: PairGroup,
     shapes: Shape,
-    geoms: Sequence[Index],
+    ids: Sequence[Index],
 ) -> Contacts:
-    """The contacts of some pairs of a group."""
-    tables = _tables(model, group, shapes.pos.dtype)
+    """The contacts of some pairs of a group, given by geoms and the number of an explicit pair."""
+    tables, (*geoms, _) = _tables(model, group, shapes.pos.dtype), ids
     pair = zip(tables, geoms, strict=True)
     rows = [jnp.zeros(len(i), int) if table is None else table.rows(i) for table, i in pair]
 
@@ -71,9 +73,11 @@ def pair_contacts(
             )
         )
 
-    return jax.vmap(contacts)(
-        *((take_shapes(shapes, i), r) for i, r in zip(geoms, rows, strict=True))
-    )
+    first, second = (take_shapes(shapes, i) for i in geoms)
+    if MESH in group.types and set(group.types) <= {BOX, MESH}:
+        reach = contact_reach(model, *ids).astype(first.pos.dtype)
+        first = first.replace(reach=lax.stop_gradient(reach))
+    return jax.vmap(contacts)(*zip((first, second), rows, strict=True))
 
 
 def _tables(model: Any, group: PairGroup, dtype) -> list[Hulls | Fields | SignedDistances | None]:

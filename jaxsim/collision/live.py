@@ -72,13 +72,15 @@ def _of_group(model: Any, group: PairGroup, shapes: Shape, reach, first: int, fo
     count = -(-len(group) // WORD)
     size = -(-len(group) // count)
     rest = count * size - len(group)
-    geoms = [np.pad(ids, (0, rest), "edge") for ids in (group.geom1, group.geom2)]
+    geom1, geom2, pairs = (
+        np.pad(ids, (0, rest), "edge") for ids in (group.geom1, group.geom2, group.pair)
+    )
     reach = jnp.pad(reach, (0, rest), constant_values=-jnp.inf)  # so that the rest has no contacts
     bound = functools.partial(distance_bound, group.types)
     function = PAIRS[group.types].function
 
     def add(pair, found):
-        chosen = [jnp.asarray(ids)[pair][None] for ids in geoms]
+        chosen = [jnp.asarray(ids)[pair][None] for ids in (geom1, geom2, pairs)]
         contacts = pair_contacts(model, function, group, shapes, chosen)
         contacts = jax.tree.map(lambda x: x[0], contacts)
         return _with_contacts(found, contacts, first + pair, reach[pair])
@@ -90,9 +92,9 @@ def _of_group(model: Any, group: PairGroup, shapes: Shape, reach, first: int, fo
         return for_each_set(near, lambda k, found: add(start + k, found), found)
 
     if count == 1:
-        return block(found, (0, *geoms, reach))
+        return block(found, (0, geom1, geom2, reach))
     starts = size * jnp.arange(count, dtype=jnp.int32)
-    blocks = (starts, *(jnp.asarray(x).reshape(count, size) for x in (*geoms, reach)))
+    blocks = (starts, *(jnp.asarray(x).reshape(count, size) for x in (geom1, geom2, reach)))
     return lax.scan(lambda found, own: (block(found, own), None), found, blocks)[0]
 
 

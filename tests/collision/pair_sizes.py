@@ -65,14 +65,19 @@ def hulls(model):
 
 @functools.cache
 def values(names):
-    """Batched function of positions, rotations, sizes and hulls: distances, points, normals."""
+    """Batched function of positions, rotations, sizes and hulls: distances, points, normals.
+
+    A fifth argument is the distance up to which contacts are listed, by default zero.
+    """
     function = entry(names).function
 
-    def evaluate(pos, mat, size, hull):
-        c = function(*(Shape(pos[i], mat[i], size[i], hull[i]) for i in range(2)))
+    def evaluate(pos, mat, size, hull, reach):
+        first, second = (Shape(pos[i], mat[i], size[i], hull[i]) for i in range(2))
+        c = function(first.replace(reach=reach), second)
         return c.dist, c.pos, jnp.broadcast_to(c.normal, c.pos.shape)
 
-    return quick_jit(jaxsim.vmap(evaluate, in_axes=(0, 0, None, None)))
+    batched = quick_jit(jaxsim.vmap(evaluate, in_axes=(0, 0, None, None, None)))
+    return lambda pos, mat, size, hull, reach=0.0: batched(pos, mat, size, hull, reach)
 
 
 def rounded(x, dtype):

@@ -1,4 +1,4 @@
-"""Contacts of polytopes without a margin: MuJoCo's points, distances and normal, one by one."""
+"""Contacts of polytopes: MuJoCo's points, distances and normal, one by one."""
 
 import jax
 import mujoco
@@ -19,19 +19,19 @@ def drum(sides=11):
 
 
 SHAPES = {
-    "box": '<geom type="box" size=".08 .11 .14"/>',
-    "wedge": '<geom type="mesh" mesh="wedge"/>',
-    "drum": '<geom type="mesh" mesh="drum"/>',
+    "box": 'type="box" size=".08 .11 .14"',
+    "wedge": 'type="mesh" mesh="wedge"',
+    "drum": 'type="mesh" mesh="drum"',
 }
 
 
-def scene(names):
+def scene(names, margin):
     corners = " ".join(f"{x:.7f}" for x in drum().ravel())
     return mujoco.MjModel.from_xml_string(
         f"""<mujoco><asset><mesh name="wedge" vertex="{WEDGE}"/>
         <mesh name="drum" vertex="{corners}"/></asset><worldbody>
-        <body mocap="true">{SHAPES[names[0]]}</body>
-        <body><freejoint/>{SHAPES[names[1]]}</body></worldbody></mujoco>"""
+        <body mocap="true"><geom {SHAPES[names[0]]} margin="{margin}"/></body>
+        <body><freejoint/><geom {SHAPES[names[1]]}/></body></worldbody></mujoco>"""
     )
 
 
@@ -42,7 +42,7 @@ def turned(axis, angle):
     return mat.reshape(3, 3)
 
 
-def resting(model, rng):
+def resting(model, rng, margin):
     """Poses in which a side of the second lies, up to 0.1 rad, on a side of the first."""
     data = mujoco.MjData(model)
     while True:
@@ -51,11 +51,11 @@ def resting(model, rng):
         mat = lean @ turned([0, 0, 1], rng.uniform(0, 6)) @ quarter
         mujoco.mju_mat2Quat(data.qpos[3:7], mat.ravel())
         data.qpos[:2] = rng.uniform(-0.08, 0.08, 2)
-        side = rng.choice([-1, 1])
+        side, deepest = rng.choice([-1, 1]), rng.uniform(-1e-3, 0.9 * margin)
         for height in np.linspace(0.4, 0, 400):
             data.qpos[2] = side * height
             mujoco.mj_fwdPosition(model, data)
-            if data.ncon and data.contact.dist.min() < -1e-3:
+            if data.ncon and data.contact.dist.min() < deepest:
                 yield data
                 break
 
@@ -66,21 +66,25 @@ def difference(ours, theirs):
     return apart[linear_sum_assignment(apart)].max()
 
 
+@pytest.mark.parametrize("margin", [0.0, 0.02])
 @pytest.mark.parametrize("names", [("box", "wedge"), ("box", "drum"), ("wedge", "drum")])
-def test_contacts_are_mujocos(names, rng):
-    model = scene(names)
+def test_contacts_are_mujocos(names, margin, rng):
+    model = scene(names, margin)
     theirs, poses = [], []
-    for data, _ in zip(resting(model, rng), range(N), strict=False):
+    for data, _ in zip(resting(model, rng, margin), range(N), strict=False):
         contact = data.contact
         theirs.append(np.column_stack([contact.dist, contact.pos, contact.frame[:, :3]]))
         poses.append((data.geom_xpos.copy(), data.geom_xmat.reshape(2, 3, 3).copy()))
     pos, mat = (np.array(x) for x in zip(*poses, strict=True))
     types = tuple("box" if n == "box" else "mesh" for n in names)
-    dist, middle, normal = jax.device_get(values(types)(pos, mat, model.geom_size, hulls(model)))
+    dist, middle, normal = jax.device_get(
+        values(types)(pos, mat, model.geom_size, hulls(model), margin)
+    )
     same = []
     for k in range(N):
-        ours = np.column_stack([dist[k], middle[k], normal[k]])[dist[k] < 0]
+        ours = np.column_stack([dist[k], middle[k], normal[k]])[dist[k] < margin]
         same.append(len(ours) == len(theirs[k]) and difference(ours, theirs[k]) < 1e-6)
-    # MuJoCo stores corners in float32, so corners of a face that should be level may not be.
-    assert np.mean(same) >= 0.95
+    # MuJoCo stores corners in float32, so corners of a face that should be level may not be. With
+    # a margin its search sees rounded solids, and may end at an edge beside the face.
+    assert np.mean(same) >= (0.9 if margin else 0.95)
     assert max(map(len, theirs)) == 4

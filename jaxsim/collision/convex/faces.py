@@ -60,25 +60,15 @@ def face_contacts(solids: SolidPair, touch: Touch) -> Manifold:
     ring1, _ = solids.first.ring(meeting.face1)
     ring2, count2 = solids.second.ring(meeting.face2)
     ring2 = solids.centre[None] + ring2 @ solids.rot.T
-    # Contacts of overlapping solids are below the faces; others are for a margin.
-    limit = lax.stop_gradient(jnp.where(touch.dist > 0, jnp.inf, 0))
+    # Those that MuJoCo lists; more than four of them are thinned out.
+    limit = lax.stop_gradient(jnp.asarray(solids.reach, touch.dist.dtype))
     faces = _between_faces(solids, meeting, ring1, (ring2, count2), limit)
     edges = _on_edge(meeting, ring1, ring2, limit)
     several = jax.tree.map(lambda x, y: jnp.where(meeting.faces, x, y), faces, edges)
-    several = _apart(several, touch)
     lies = meeting.faces | meeting.edge_of_first | meeting.edge_of_second
     lies = lies & jnp.any(several.exists)
     one = Manifold.of(touch, COUNT)
     return jax.tree.map(lambda x, y: jnp.where(lies, x, y), several, one)
-
-
-def _apart(several: Manifold, touch: Touch) -> Manifold:
-    """The contacts; those of disjoint solids have the normal and the distance of `touch`."""
-    apart = lax.stop_gradient(touch.dist > 0)
-    nearest = jnp.min(jnp.where(several.exists, several.dist, jnp.inf))
-    shift = jnp.where(apart & several.exists.any(), touch.dist - nearest, 0)
-    normal = jnp.where(apart, touch.normal, several.normal)
-    return several.replace(dist=several.dist + shift, normal=normal)
 
 
 def _in_axes_of_first(solids: SolidPair, feature: Feature) -> Feature:
