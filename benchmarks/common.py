@@ -22,6 +22,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 
 RESULTS = pathlib.Path(__file__).parent / "results"
+XLA_FLAGS = os.environ.get("XLA_FLAGS", "")  # before `jaxsim.configure_cpu` adds its own
 
 
 @dataclasses.dataclass
@@ -217,8 +218,9 @@ def write(
 
 
 def _command(script: str) -> str:
-    """What was typed to run the script."""
-    return shlex.join(["python", f"benchmarks/{pathlib.Path(script).name}", *sys.argv[1:]])
+    """What was typed to run the script, and the flags of XLA."""
+    words = ["python", f"benchmarks/{pathlib.Path(script).name}", *sys.argv[1:]]
+    return " ".join([*([f"XLA_FLAGS={XLA_FLAGS}"] if XLA_FLAGS else []), shlex.join(words)])
 
 
 def _commit() -> str:
