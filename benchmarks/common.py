@@ -217,6 +217,22 @@ def write(
     print(f"written to {target}.json")
 
 
+def quick_options(level: int) -> dict[str, bool | int]:
+    """Options of XLA for programs that run a few times: a level of optimisation, fast compilation.
+
+    The newer code generator compiles slowly, and not every JAX has a choice.
+    """
+    import jax
+
+    plain = {"xla_backend_optimization_level": level}
+    older = plain | {"xla_cpu_use_fusion_emitters": False}
+    try:
+        jax.jit(lambda x: x + 1, compiler_options=older)(1.0)
+    except jax.errors.JaxRuntimeError:
+        return plain
+    return older
+
+
 def _command(script: str) -> str:
     """What was typed to run the script, and the flags of XLA."""
     words = ["python", f"benchmarks/{pathlib.Path(script).name}", *sys.argv[1:]]

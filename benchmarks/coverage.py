@@ -37,10 +37,8 @@ STATES, SECONDS, SAMPLES = 5, 4.0, 200
 # robust to count at all. It is drawn NOISES times for a state.
 TOLERANCE = {"float64": 1e-6, "float32": 1e-2}
 NOISE, NOISES = {"float64": 1e-9, "float32": 1e-6}, 24
-# Compiler options for programs that run a few hundred times, without and with hulls of meshes; the
-# older code generator, where JAX has it, compiles sooner.
-QUICK = {"xla_backend_optimization_level": 0, "xla_cpu_use_fusion_emitters": False}
-QUICK_FOR_HULLS = QUICK | {"xla_backend_optimization_level": 1}
+# Levels of optimisation of programs that run a few hundred times, without and with hulls.
+QUICK, QUICK_FOR_HULLS = 0, 1
 
 
 def main(arguments=None) -> None:
@@ -199,7 +197,7 @@ def _compare(mj: mujoco.MjModel, model, precision: str) -> dict:
     visited = list(_motion(mj))
     states, ctrls = _stacked(model, visited)
     start = time.perf_counter()
-    quick = QUICK_FOR_HULLS if len(model.hull_size) else QUICK
+    quick = common.quick_options(QUICK_FOR_HULLS if len(model.hull_size) else QUICK)
     # One environment at a time: it is compiled sooner than a batch, and for all states.
     program = jax.jit(answer, compiler_options=quick).lower(*_row((states, ctrls), 0)).compile()
     compile_s = time.perf_counter() - start
