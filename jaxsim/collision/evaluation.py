@@ -75,8 +75,8 @@ def pair_contacts(
 
     first, second = (take_shapes(shapes, i) for i in geoms)
     if MESH in group.types and set(group.types) <= {BOX, MESH}:
-        reach = contact_reach(model, *ids).astype(first.pos.dtype)
-        first = first.replace(reach=lax.stop_gradient(reach))
+        margin = contact_reach(model, *ids).astype(first.pos.dtype)
+        first = first.replace(margin=lax.stop_gradient(margin))
     return jax.vmap(contacts)(*zip((first, second), rows, strict=True))
 
 

@@ -150,7 +150,7 @@ class Shape:
       hull: convex hull, for a mesh.
       field: heights, for a height field.
       sdf: signed distance function, for a shape that has one.
-      reach: distance up to which contacts with the other shape are listed, for the first of two
+      margin: distance up to which contacts with the other shape are listed, for the first of two
         shapes with faces (m).
     """
 
@@ -160,7 +160,7 @@ class Shape:
     hull: Hull | None = None
     field: HeightField | None = None
     sdf: Distances | None = None
-    reach: Float[Array, ""] | None = None
+    margin: Float[Array, ""] | None = None
 
     @property
     def axis(self) -> Float[Array, "3"]:

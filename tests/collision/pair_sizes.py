@@ -71,13 +71,13 @@ def values(names):
     """
     function = entry(names).function
 
-    def evaluate(pos, mat, size, hull, reach):
+    def evaluate(pos, mat, size, hull, margin):
         first, second = (Shape(pos[i], mat[i], size[i], hull[i]) for i in range(2))
-        c = function(first.replace(reach=reach), second)
+        c = function(first.replace(margin=margin), second)
         return c.dist, c.pos, jnp.broadcast_to(c.normal, c.pos.shape)
 
     batched = quick_jit(jaxsim.vmap(evaluate, in_axes=(0, 0, None, None, None)))
-    return lambda pos, mat, size, hull, reach=0.0: batched(pos, mat, size, hull, reach)
+    return lambda pos, mat, size, hull, margin=0.0: batched(pos, mat, size, hull, margin)
 
 
 def rounded(x, dtype):

@@ -147,55 +147,44 @@ def test_a_finger_pushes_a_box_to_a_pose(x64, goal):
     np.testing.assert_allclose(plan.states.qpos[-1, :3], goal, atol=0.05)
 
 
-@pytest.mark.slow
-def test_a_finger_pushes_another_box_than_it_knows_by_planning_anew(x64):
-    """It is heavier, more slippery and brakes more: the plan alone ends 10 cm too early."""
-    goal = jnp.array([0.3, 0.1, 0.3])
-    problem = scenes.push(scenes.load(scenes.PUSHER, "sap", 500), goal)
-    model, heavier = problem.space.model, jnp.array([1, 1.3, 1])
+def replanned(problem, reach, steps, heavier, braking):
+    """States in closed loop with a plant that is heavier, more slippery and brakes more."""
+    model, heavier = problem.space.model, jnp.array(heavier)
     plant = model.replace(
         geom_friction=0.7 * model.geom_friction,
-        dof_damping=1.5 * model.dof_damping,
+        dof_damping=jnp.array(braking) * model.dof_damping,
         body_mass=heavier * model.body_mass,
         body_inertia=heavier[:, None] * model.body_inertia,
     )
     track = quick_jit(
         lambda u: trajopt.mpc(
             problem,
-            trajopt.InverseDynamics(reach=0.02),
-            80,
+            trajopt.InverseDynamics(reach=reach),
+            steps,
             u,
             first_iterations=160,
             iterations=2,
             plant=lambda x, u: jaxsim.step(plant, x, u),
         )
     )(jnp.zeros((problem.horizon, 2)))
-    np.testing.assert_allclose(track.states.qpos[-20:, :3], np.tile(goal, (20, 1)), atol=0.05)
+    return track.states
+
+
+@pytest.mark.slow
+def test_a_finger_pushes_another_box_than_it_knows_by_planning_anew(x64):
+    """The plan alone ends 10 cm too early."""
+    goal = jnp.array([0.3, 0.1, 0.3])
+    problem = scenes.push(scenes.load(scenes.PUSHER, "sap", 500), goal)
+    states = replanned(problem, 0.02, 80, heavier=[1, 1.3, 1], braking=1.5)
+    np.testing.assert_allclose(states.qpos[-20:, :3], np.tile(goal, (20, 1)), atol=0.05)
 
 
 @pytest.mark.slow
 def test_a_finger_turns_another_wheel_than_it_knows_by_planning_anew(x64):
-    """It is heavier, more slippery and brakes more: the first push ends at a third of the way."""
+    """The first push ends at a third of the way."""
     problem = TASKS["spin"].make()
-    model, heavier = problem.space.model, jnp.array([1, 1, 1, 1.3])
-    plant = model.replace(
-        geom_friction=0.7 * model.geom_friction,
-        dof_damping=model.dof_damping.at[2].mul(1.5),
-        body_mass=heavier * model.body_mass,
-        body_inertia=heavier[:, None] * model.body_inertia,
-    )
-    track = quick_jit(
-        lambda u: trajopt.mpc(
-            problem,
-            trajopt.InverseDynamics(reach=0.03),
-            160,
-            u,
-            first_iterations=160,
-            iterations=2,
-            plant=lambda x, u: jaxsim.step(plant, x, u),
-        )
-    )(jnp.zeros((problem.horizon, 2)))
-    np.testing.assert_allclose(track.states.qpos[-20:, 2], 2, atol=0.1)
+    states = replanned(problem, 0.03, 160, heavier=[1, 1, 1, 1.3], braking=[1, 1, 1.5])
+    np.testing.assert_allclose(states.qpos[-20:, 2], 2, atol=0.1)
 
 
 @pytest.mark.slow

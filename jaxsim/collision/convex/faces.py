@@ -61,7 +61,7 @@ def face_contacts(solids: SolidPair, touch: Touch) -> Manifold:
     ring2, count2 = solids.second.ring(meeting.face2)
     ring2 = solids.centre[None] + ring2 @ solids.rot.T
     # Those that MuJoCo lists; more than four of them are thinned out.
-    limit = lax.stop_gradient(jnp.asarray(solids.reach, touch.dist.dtype))
+    limit = lax.stop_gradient(jnp.asarray(solids.margin, touch.dist.dtype))
     faces = _between_faces(solids, meeting, ring1, (ring2, count2), limit)
     edges = _on_edge(meeting, ring1, ring2, limit)
     several = jax.tree.map(lambda x, y: jnp.where(meeting.faces, x, y), faces, edges)

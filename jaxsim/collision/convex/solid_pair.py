@@ -49,9 +49,9 @@ class SolidPair:
         return Vertices(a, self.centre + self.rot @ b, jnp.stack([number1, number2]))
 
     @property
-    def reach(self) -> Float[Array, ""] | float:
+    def margin(self) -> Float[Array, ""] | float:
         """Distance up to which contacts are listed (m)."""
-        return 0.0 if self.first.shape.reach is None else self.first.shape.reach
+        return 0.0 if self.first.shape.margin is None else self.first.shape.margin
 
     @property
     def size(self) -> Float[Array, ""]:
