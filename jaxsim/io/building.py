@@ -20,7 +20,12 @@ from jaxsim.io.frames import effective_frames
 from jaxsim.io.hulls import flat_meshes, hull_tables
 from jaxsim.io.materials import Materials, material_leaves
 from jaxsim.io.physical import impossible
-from jaxsim.io.signed_distances import Functions, signed_distances, with_functions
+from jaxsim.io.signed_distances import (
+    Functions,
+    signed_distances,
+    with_functions,
+    without_functions,
+)
 from jaxsim.io.singular import check_mass_matrix
 from jaxsim.io.supported import unsupported
 from jaxsim.model.model import DELAYS, Model, Option, Statistic
@@ -66,6 +71,7 @@ def build(
         [
             *unsupported(mj, names.label),
             *([] if drop_pairs else unsupported_pairs(mj, pairs, names.label)),
+            *without_functions(mj, pairs, sdf or {}, names.label),
             *impossible(mj, names.label),
             *flat_meshes(mj, names.label),
         ]

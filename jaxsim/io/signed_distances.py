@@ -1,7 +1,7 @@
 """Geoms whose shapes are given by signed distance functions of the user."""
 
 import copy
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, cast
 
 import jax
@@ -10,6 +10,8 @@ import mujoco
 import numpy as np
 
 from jaxsim.collision.sdf import SignedDistance
+from jaxsim.model.names import Label
+from jaxsim.model.problems import ModelProblem
 
 Functions = Mapping[str, Callable[..., Any] | tuple[Callable[..., Any], Any]]
 """By name of a geom: a function of a point, or a function of a point and parameters, and these."""
@@ -39,8 +41,30 @@ def with_functions(mj: mujoco.MjModel, functions: Functions) -> mujoco.MjModel:
                 "or another one that contains the shape"
             )
         mj.geom_type[geom] = _SDF
+        mj.geom_plugin[geom] = -1  # the function has the place of an engine plugin
         mj.geom_size[geom] = np.abs(mj.geom_aabb[geom, :3]) + mj.geom_aabb[geom, 3:]
     return mj
+
+
+def without_functions(
+    mj: mujoco.MjModel, pairs: np.ndarray, functions: Functions, label: Label
+) -> Iterator[ModelProblem]:
+    """Geoms of type sdf that may collide, but have no function.
+
+    Args:
+      mj: a model made by `with_functions`.
+      pairs: candidate pairs as `candidate_pairs` returns them.
+      functions: by the name of a geom.
+      label: from (kind, id) to the name of an element in messages.
+    """
+    for geom in np.unique(pairs[:, :2]):
+        name = mujoco.mj_id2name(mj, mujoco.mjtObj.mjOBJ_GEOM, geom)
+        if mj.geom_type[geom] == _SDF and name not in functions:
+            yield ModelProblem(
+                label("geom", int(geom)),
+                "type 'sdf' collides only by a function of yours; give it a name and load with "
+                'sdf={"name": function}, or set its type to mesh, or contype and conaffinity to 0',
+            )
 
 
 def signed_distances(mj: mujoco.MjModel, functions: Functions) -> dict[str, SignedDistance]:

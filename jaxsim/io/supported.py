@@ -59,6 +59,11 @@ _CHOICES = (
     ),
     _Choice("eq_type", "equality", "type", "mjtEq", "CONNECT WELD JOINT TENDON"),
 )
+# What has the place of an engine plugin, by the kind of element that it drives.
+_PLUGINS = {
+    "body": "remove it, or use springs and dampers of joints",
+    "actuator": "use an actuator of MJCF's own, such as position or dcmotor",
+}
 _OPTIONS = (
     _Choice(
         "integrator", "option", "integrator", "mjtIntegrator", "EULER RK4 IMPLICIT IMPLICITFAST"
@@ -70,6 +75,7 @@ _OPTIONS = (
 def unsupported(mj: mujoco.MjModel, label: Label) -> Iterator[ModelProblem]:
     """All unsupported features that a compiled model uses, each with a remedy."""
     yield from _options(mj)
+    yield from _plugins(mj, label)
     for choice in _CHOICES:
         for i, value in enumerate(getattr(mj, choice.field)):
             yield from _chosen(choice, label(choice.kind, i), value)
@@ -99,9 +105,15 @@ def _options(mj: mujoco.MjModel) -> Iterator[ModelProblem]:
         name = constant_name("mjtEnableBit", bit)
         if name not in _ENABLE_FLAGS.split():
             yield ModelProblem("option flag", f"{name.lower()} is not supported; disable it")
-    for size, what in (("nflex", "flex"), ("nplugin", "plugin")):
-        if getattr(mj, size):
-            yield ModelProblem("", f"{what} elements are not supported; remove them from the model")
+    if mj.nflex:
+        yield ModelProblem("", "flex elements are not supported; remove them from the model")
+
+
+def _plugins(mj: mujoco.MjModel, label: Label) -> Iterator[ModelProblem]:
+    """Elements whose physics is native code of an engine plugin."""
+    for kind, remedy in _PLUGINS.items():
+        for i in np.flatnonzero(getattr(mj, f"{kind}_plugin") >= 0):
+            yield ModelProblem(label(kind, int(i)), f"engine plugins are not supported; {remedy}")
 
 
 def _limits(mj: mujoco.MjModel, label: Label) -> Iterator[ModelProblem]:

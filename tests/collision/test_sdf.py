@@ -200,6 +200,10 @@ def test_what_is_refused():
             jaxsim.load(xml, sdf=sdf)
     with pytest.raises(TypeError, match="geom 'ring' needs a function"):
         jaxsim.load(xml, sdf={"ring": 3})
+    mj = mujoco.MjModel.from_xml_string(xml)
+    mj.geom_type[mj.geom("ring").id] = mujoco.mjtGeom.mjGEOM_SDF
+    with pytest.raises(jaxsim.ModelError, match="geom 'ring': type 'sdf' collides only by a func"):
+        jaxsim.load(mj)
     model = ring()
     with pytest.raises(jaxsim.ModelError, match="no distance can be measured"):
         jaxsim.geom_distance(model, jaxsim.make_state(model), "ring", "ball")
