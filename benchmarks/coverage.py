@@ -171,7 +171,7 @@ def examine(file: str, x64: bool, deep: bool) -> dict | None:
 
     if deep:
         mj.opt.iterations, mj.opt.ls_iterations, mj.opt.tolerance = 100, 50, 0
-        mj.opt.ccd_iterations, mj.opt.ccd_tolerance = 500, 1e-10
+        mj.opt.ccd_iterations, mj.opt.ccd_tolerance = 500, 1e-15
         if mj.opt.noslip_iterations:
             mj.opt.noslip_iterations, mj.opt.noslip_tolerance = 10_000, 0
     start = time.perf_counter()
