@@ -187,6 +187,20 @@ def plain(*columns: str, rows: str = "rows") -> Callable[[dict], str]:
     return lambda record: table_markdown(record[rows], columns or None)
 
 
+def collision(record: dict) -> str:
+    """Errors of every pair, those of MuJoCo C where there is another truth, and times."""
+    regimes = "near", "touching", "deep", "far"
+    errors = [
+        {"pair": row["pair"]}
+        | {regime: row[regime] for regime in regimes}
+        | {f"MuJoCo {regime}": row.get(f"MuJoCo {regime}") for regime in regimes}
+        for row in record["rows"]
+    ]
+    columns = ("pair", "float32", "aligned", "contacts", "gradient", "gradient 99 %", "not finite")
+    others = table_markdown(record["rows"], (*columns, "us", "MuJoCo us", "compile s"))
+    return f"{table_markdown(errors)}\n\n{others}"
+
+
 @dataclasses.dataclass(frozen=True)
 class Section:
     """A script, what its numbers mean, and how its records become tables."""
@@ -270,6 +284,19 @@ SECTIONS = (
         "steps per second of a batch on one thread in float32, from states in contact and without "
         "a warm start. See docs/contact.md.",
         lambda record: "\n\n".join(table_markdown(record[key]) for key in ("errors", "rows")),
+    ),
+    Section(
+        "collision",
+        "Contacts of every pair of shapes",
+        "Largest errors (m) of the smallest distance at random poses: near (0.1 to 10 mm), "
+        "touching (within 0.01 mm), deep (4 to 60 mm) and far (5 cm to 1 m), in float64. The "
+        "truth is the largest separation over all directions, found by search; pairs with rules "
+        "of MuJoCo C's own, for which its columns are empty, are compared with it. Float32: "
+        "largest difference to float64, near and touching; aligned: the same where axes are "
+        "parallel or at right angles up to 1e-3. Contacts: share of poses with as many as "
+        "MuJoCo C. Gradient: of the smallest distance, against central differences. "
+        "Microseconds are of one core, ours in float32 in a batch of 1,024.",
+        collision,
     ),
     Section(
         "trajopt",

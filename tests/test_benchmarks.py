@@ -321,6 +321,30 @@ def test_environments_are_stepped(way, benchmark_module):
     getattr(environments, way)("inverted_pendulum", 4, 2)()
 
 
+def test_contacts_of_a_pair_are_compared(benchmark_module):
+    """A pair in closed form, at a few poses of each kind."""
+    collision = benchmark_module("collision")
+    sizes = ["--poses", "40", "--repetitions", "1"]
+    row = collision.measure(("plane", "cylinder"), collision._options(sizes))
+    regimes = benchmark_module("collision_poses").REGIMES
+    assert max(row[f"{by}{regime}"] for by in ("", "MuJoCo ") for regime in regimes) < 1e-12
+    assert max(row["float32"], row["aligned"]) < 1e-6
+    assert row["gradient"] < 1e-8
+    assert (row["contacts"], row["not finite"]) == (1, 0)
+
+
+def test_truth_of_distances(benchmark_module):
+    """A cylinder's rim above a box's corner, its cap on a face, and its middle in the other's."""
+    truth, poses = benchmark_module("collision_truth"), benchmark_module("collision_poses")
+    mj = poses.model(("cylinder", "box"), 0.0)
+    gap = np.array([0.09 / np.sqrt(2) + 0.03, 0.09 / np.sqrt(2) + 0.04, 0.12 + 0.01])
+    places = np.array([[0, 0, 0.12 + 0.14 + 0.01], mj.geom_size[1] + gap, [0, 0, 0]])
+    pos = np.stack([np.zeros((3, 3)), places], axis=1)
+    found = truth.signed_distances(mj, pos, np.tile(np.eye(3), (3, 2, 1, 1)))
+    rim = np.hypot(np.hypot(*gap[:2]) - 0.09, 0.01)
+    np.testing.assert_allclose(found, [0.01, rim, -0.17], atol=1e-9)
+
+
 def test_coverage_counts_what_loads_and_why_not(tmp_path):
     """A model, one with what is not supported, one that MuJoCo refuses, one without joints."""
     body = '<body><freejoint/><geom size=".1"/></body>'
