@@ -1,6 +1,11 @@
-"""Limits of joints and tendons."""
+"""Limits of joints and tendons.
+
+Of a range wider than both margins only one end can be active, so one row serves both. Otherwise
+each end has a row.
+"""
 
 import functools
+from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
@@ -22,6 +27,10 @@ from jaxsim.model import Model
 from jaxsim.model.dof_order import to_tree_order
 from jaxsim.solver import Unilateral
 
+# From distances to the lower and the upper end, and the derivative of the limited quantity: the
+# distance that a row bounds, and its derivative.
+_End = Callable[[Array, Array, Array], tuple[Array, Array]]
+
 _LIMIT_OFF = mujoco.mjtDisableBit.mjDSBL_LIMIT
 
 
@@ -30,22 +39,28 @@ def limit_blocks(motion: Motion) -> list[Block]:
     model = motion.model
     if model.opt.disabled(_LIMIT_OFF):
         return []
-    (joints,) = np.nonzero(model.jnt_limited)
-    (tendon,) = np.nonzero(model.tendon_limited)
-    kinds = shared_type(model.jnt_type[joints], "limit")
-    blocks = [_joints(motion, joints[kinds == k]) for k in np.unique(kinds)]
-    if len(tendon):
-        blocks.append(_tendons(motion, tendon))
+    joints, tendons = model.jnt_limited.astype(bool), model.tendon_limited.astype(bool)
+    blocks = []
+    for end, has_joint, has_tendon in (
+        (_nearer_end, ~model.jnt_limits_meet, ~model.tendon_limits_meet),
+        (_lower_end, model.jnt_limits_meet, model.tendon_limits_meet),
+        (_upper_end, model.jnt_limits_meet, model.tendon_limits_meet),
+    ):
+        ids, tendon = np.flatnonzero(joints & has_joint), np.flatnonzero(tendons & has_tendon)
+        kinds = shared_type(model.jnt_type[ids], "limit")
+        blocks += [_joints(motion, ids[kinds == k], end) for k in np.unique(kinds)]
+        blocks += [_tendons(motion, tendon, end)] if len(tendon) else []
     return blocks
 
 
-def _joints(motion: Motion, ids: np.ndarray) -> Block:
-    """Rows of joints of one kind, one for both ends of a range: only one can be active."""
+def _joints(motion: Motion, ids: np.ndarray, end: _End) -> Block:
+    """Rows of joints of one kind."""
     model, joint = motion.model, JOINTS[int(motion.model.jnt_type[ids[0]])]
     lower, upper, gradient = jax.vmap(joint.limit)(
         position_rows(model, motion.qpos, ids).blocks(), take(model.jnt_range, ids)
     )
-    violation, gradient = _nearer_end(lower, upper, gradient, take(model.jnt_margin, ids))
+    distance, gradient = end(lower, upper, gradient)
+    violation = distance - take(model.jnt_margin, ids)
     dofs = model.structure.dof_position[model.jnt_dofadr[ids][:, None] + np.arange(joint.nv)]
     return _joint_block(motion, ids, _rows(model, gradient, dofs), violation)
 
@@ -59,16 +74,13 @@ def _rows(model: Model, gradient, dofs: np.ndarray):
     return DenseRows(J.at[np.arange(n)[:, None], dofs].set(gradient))
 
 
-def _tendons(motion: Motion, ids: np.ndarray) -> Block:
+def _tendons(motion: Motion, ids: np.ndarray, end: _End) -> Block:
     """Rows of limited tendons."""
     model = motion.model
     length, bounds = take(motion.kin.ten_length, ids), take(model.tendon_range, ids)
-    violation, J = _nearer_end(
-        length - bounds[:, 0],
-        bounds[:, 1] - length,
-        take(tendon_jacobian(model, motion.kin), ids),
-        take(model.tendon_margin, ids),
-    )
+    jacobian = take(tendon_jacobian(model, motion.kin), ids)
+    distance, J = end(length - bounds[:, 0], bounds[:, 1] - length, jacobian)
+    violation = distance - take(model.tendon_margin, ids)
     parameters = (
         take(model.tendon_solref_lim, ids),
         take(model.tendon_solimp_lim, ids),
@@ -78,13 +90,18 @@ def _tendons(motion: Motion, ids: np.ndarray) -> Block:
     return _block(motion, ids, rows, violation, parameters, RowType.LIMIT_TENDON, moves_anything(J))
 
 
-def _nearer_end(lower, upper, gradient, margin):
-    """Distance to the nearer end of each range minus the margin, and its gradient."""
+def _nearer_end(lower, upper, gradient):
+    """Distance to the nearer end of each range, and its gradient."""
     below = lower < upper
-    return (
-        jnp.where(below, lower, upper) - margin,
-        jnp.where(below[:, None], gradient, -gradient),
-    )
+    return jnp.where(below, lower, upper), jnp.where(below[:, None], gradient, -gradient)
+
+
+def _lower_end(lower, upper, gradient):
+    return lower, gradient
+
+
+def _upper_end(lower, upper, gradient):
+    return upper, -gradient
 
 
 def _joint_block(motion: Motion, ids: np.ndarray, jacobian, violation) -> Block:

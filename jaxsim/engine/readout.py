@@ -34,8 +34,8 @@ def read_sensors(
         body_wrench=body_wrenches(motion, state, found),
         contact=found.contact,
         contact_force=found.contact_force,
-        joint_limit_force=_by_id(found, RowType.LIMIT_JOINT, model.njnt),
-        tendon_limit_force=_by_id(found, RowType.LIMIT_TENDON, model.ntendon),
+        joint_limit_force=_limit_force(found, RowType.LIMIT_JOINT, model.njnt),
+        tendon_limit_force=_limit_force(found, RowType.LIMIT_TENDON, model.ntendon),
     )
     return sensordata(signals)
 
@@ -64,10 +64,11 @@ def body_wrenches(motion: Motion, state: State, found: Constrained) -> Float[Arr
     )
 
 
-def _by_id(found: Constrained, type_: RowType, n: int) -> Float[Array, "n"]:
-    """(n,) forces of rows of one type at the ids of their elements, zero for other elements."""
+def _limit_force(found: Constrained, type_: RowType, n: int) -> Float[Array, "n"]:
+    """Forces of limits at the ids of their joints or tendons; of two active ends, the lower's."""
     total = jnp.zeros(n, found.qacc.dtype)
-    for block, force in zip(found.blocks, found.forces, strict=True):
-        if block.type is type_:
-            total = total.at[np.array(block.ids, int)].add(force)
+    for block, force in reversed(list(zip(found.blocks, found.forces, strict=True))):
+        if block.type is type_ and block.violation is not None:
+            ids, active = np.array(block.ids, int), block.violation < 0
+            total = total.at[ids].set(jnp.where(active, force, total[ids]))
     return total

@@ -93,6 +93,8 @@ def build(
             "wrap_sideid": _side_sites(mj),
             "geom_opaque": opaque_geoms(mj),
             "geom_ellipsoid": mj.geom_fluid[:, 0] > 0,
+            "jnt_limits_meet": _narrow(mj.jnt_range, mj.jnt_margin) & _scalar(mj),
+            "tendon_limits_meet": _narrow(mj.tendon_range, mj.tendon_margin),
         },
         names=names,
         source=source,
@@ -129,6 +131,16 @@ def _side_sites(mj: mujoco.MjModel) -> np.ndarray:
     """(nwrap,) side site of each surface that a tendon wraps around, from `wrap_prm`; -1: none."""
     surface = np.isin(mj.wrap_type, (mujoco.mjtWrap.mjWRAP_SPHERE, mujoco.mjtWrap.mjWRAP_CYLINDER))
     return np.where(surface, np.round(mj.wrap_prm), -1).astype(np.int64)
+
+
+def _narrow(bounds: np.ndarray, margin: np.ndarray) -> np.ndarray:
+    """(n,) which ranges are smaller than both margins, so that both ends may be active."""
+    return bounds[:, 1] - bounds[:, 0] < 2 * margin
+
+
+def _scalar(mj: mujoco.MjModel) -> np.ndarray:
+    """(njnt,) which joints have a limit at each end."""
+    return np.isin(mj.jnt_type, (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE))
 
 
 def _mesh_digest(mj: mujoco.MjModel) -> str:

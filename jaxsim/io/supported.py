@@ -79,7 +79,6 @@ def unsupported(mj: mujoco.MjModel, label: Label) -> Iterator[ModelProblem]:
     for choice in _CHOICES:
         for i, value in enumerate(getattr(mj, choice.field)):
             yield from _chosen(choice, label(choice.kind, i), value)
-    yield from _limits(mj, label)
     yield from _sensors(mj, label)
     yield from _geometry(mj, label)
 
@@ -114,21 +113,6 @@ def _plugins(mj: mujoco.MjModel, label: Label) -> Iterator[ModelProblem]:
     for kind, remedy in _PLUGINS.items():
         for i in np.flatnonzero(getattr(mj, f"{kind}_plugin") >= 0):
             yield ModelProblem(label(kind, int(i)), f"engine plugins are not supported; {remedy}")
-
-
-def _limits(mj: mujoco.MjModel, label: Label) -> Iterator[ModelProblem]:
-    """Ranges smaller than both margins: one row serves both limits, so only one may be active."""
-    scalar = np.isin(mj.jnt_type, (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE))
-    for kind, limited, bounds, margin in (
-        ("joint", mj.jnt_limited.astype(bool) & scalar, mj.jnt_range, mj.jnt_margin),
-        ("tendon", mj.tendon_limited.astype(bool), mj.tendon_range, mj.tendon_margin),
-    ):
-        for i in np.nonzero(limited & (bounds[:, 1] - bounds[:, 0] < 2 * margin))[0]:
-            yield ModelProblem(
-                label(kind, int(i)),
-                f"margin {margin[i]:g} exceeds half of the range, so that both limits would be "
-                "active at once; use a smaller margin",
-            )
 
 
 def _geometry(mj: mujoco.MjModel, label: Label) -> Iterator[ModelProblem]:

@@ -52,8 +52,9 @@ class Structure:
     without delays. Fields of our own are the tables of hulls, height fields and actuators
     (`jaxsim.io.hulls`, `jaxsim.io.fields`, `jaxsim.io.actuators`), `wrap_sideid`, the side site of
     each surface that a tendon wraps around (-1: none), `geom_opaque`, whether each geom is opaque,
-    and `geom_ellipsoid`, whether it is an ellipsoid for the medium. The link tree (`tree`) and the
-    body tree (`body_tree`) are derived from the fields. `facts` caches the facts that other
+    `geom_ellipsoid`, whether it is an ellipsoid for the medium, and `jnt_limits_meet` and
+    `tendon_limits_meet`, whether both ends of a range may be active at once. The link tree (`tree`)
+    and the body tree (`body_tree`) are derived from the fields. `facts` caches the facts that other
     packages declare (see `jaxsim.model.facts`). The compiled `source` is used for drawing, for rays
     against its meshes and by `to_mujoco`. It does not take part in comparisons, except that a
     digest of its meshes is a field.

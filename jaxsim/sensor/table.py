@@ -16,6 +16,7 @@ from jaxsim.sensor.rangefinder import rangefinder
 from jaxsim.sensor.readings import Readings
 from jaxsim.sensor.signals import Signals
 from jaxsim.sensor.touch import touch
+from jaxsim.sensor.user import user
 
 _SENSOR_OFF = mujoco.mjtDisableBit.mjDSBL_SENSOR
 _REAL = int(mujoco.mjtDataType.mjDATATYPE_REAL)
@@ -72,6 +73,7 @@ SENSORS = {
     "TENDONLIMITFRC": (acceleration.tendonlimitfrc, ("tendon_limit_force",)),
     "FRAMELINACC": (acceleration.framelinacc, ("qacc",)),
     "FRAMEANGACC": (acceleration.frameangacc, ("qacc",)),
+    "USER": (user, ()),
 }
 
 

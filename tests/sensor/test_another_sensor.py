@@ -1,8 +1,7 @@
-"""A type of sensor that `jaxsim` does not have, registered as `docs/extending.md` says."""
+"""A sensor of a callback, and a function of your own in its place as in `docs/extending.md`."""
 
 import jax.numpy as jnp
 import numpy as np
-import pytest
 
 import jaxsim
 from jaxsim.sensor import SENSORS
@@ -25,9 +24,14 @@ def speed(r, g):
 
 
 def test_a_sensor_is_a_function_and_a_line(monkeypatch):
-    with pytest.raises(jaxsim.ModelError, match="user"):
-        jaxsim.load(XML)
     monkeypatch.setitem(SENSORS, "USER", (speed, ()))
     model = jaxsim.load(XML)
     state = jaxsim.make_state(model).replace(qvel=jnp.array([3.0, 4.0]))
     np.testing.assert_allclose(jaxsim.forward(model, state).sensordata, [5, 3], rtol=1e-6)
+
+
+def test_sensors_of_callbacks_read_zero_each_with_its_own_dimension():
+    xml = XML.replace("<jointvel", '<user dim="3" needstage="acc"/><user dim="1"/><jointvel')
+    model = jaxsim.load(xml)
+    state = jaxsim.make_state(model).replace(qvel=jnp.array([3.0, 4.0]))
+    np.testing.assert_array_equal(jaxsim.forward(model, state).sensordata, [0, 0, 0, 0, 0, 3])
