@@ -43,7 +43,7 @@ def _row(name: str, options) -> dict:
     import jaxsim
     from jaxsim.parallel.chunks import even_lanes
 
-    mj = models.load(name)
+    mj = models.load(name, options.menagerie)
     states = models.visited(mj, options.states)
     model = jaxsim.load(mj)
     batch = states.batch(model, options.batch)

@@ -1,4 +1,8 @@
-"""The models of the benchmarks, all shipped by other packages, and states that they visit."""
+"""The models of the benchmarks, and states that they visit.
+
+Most are shipped by other packages. Those of MuJoCo Menagerie are read from a folder that holds a
+copy of it (github.com/google-deepmind/mujoco_menagerie).
+"""
 
 import argparse
 import dataclasses
@@ -20,25 +24,68 @@ MODELS = {
     "gymnasium_humanoid": ("gymnasium", "envs/mujoco/assets/humanoid.xml"),
     "five_humanoids": ("mujoco", "mjx/test_data/humanoid/05_humanoids.xml"),
 }
+# Files of Menagerie.
+MENAGERIE = {
+    "go1": "unitree_go1/scene.xml",
+    "go2": "unitree_go2/scene.xml",
+    "panda_box": "franka_emika_panda/scene.xml",
+}
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Options of the benchmarks that step a batch of visited states on one thread."""
-    usual = ["humanoid", "ant", "half_cheetah", "hopper", "walker2d"]
-    parser.add_argument("--models", nargs="+", default=usual, choices=MODELS)
+    add_models(parser, ["humanoid", "ant", "half_cheetah", "hopper", "walker2d"])
     parser.add_argument("--batch", type=int, default=128, help="environments")
     parser.add_argument("--states", type=int, default=32, help="different states in the batch")
 
 
-def load(name: str) -> mujoco.MjModel:
-    """A model of the table, with the Euler integrator and its other settings as shipped."""
-    package, path = MODELS[name]
-    spec = importlib.util.find_spec(package)
-    if spec is None or spec.origin is None:
-        raise FileNotFoundError(f"model {name} is shipped by {package}, which is not installed")
-    mj = mujoco.MjModel.from_xml_path(str(pathlib.Path(spec.origin).parent / path))
+def add_models(parser: argparse.ArgumentParser, usual: list[str]) -> None:
+    """Options that choose models of both tables."""
+    parser.add_argument("--models", nargs="*", default=usual, choices=[*MODELS, *MENAGERIE])
+    parser.add_argument("--menagerie", type=pathlib.Path, help="folder of MuJoCo Menagerie")
+
+
+def load(name: str, menagerie: pathlib.Path | None = None) -> mujoco.MjModel:
+    """A model of the tables, with the Euler integrator and its other settings as shipped.
+
+    Args:
+      name: its name.
+      menagerie: folder of MuJoCo Menagerie.
+
+    Raises:
+      FileNotFoundError: its file is not there.
+    """
+    spec = mujoco.MjSpec.from_file(str(_file(name, menagerie)))
+    if name == "panda_box":
+        _add_box(spec)
+    mj = spec.compile()
     mj.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
     return mj
+
+
+def _file(name: str, menagerie: pathlib.Path | None) -> pathlib.Path:
+    if name in MENAGERIE:
+        if menagerie is None:
+            raise FileNotFoundError(f"model {name} is in MuJoCo Menagerie: give --menagerie FOLDER")
+        path = menagerie / MENAGERIE[name]
+        if not path.exists():
+            raise FileNotFoundError(f"model {name}: there is no file {path}")
+        return path
+    package, path = MODELS[name]
+    found = importlib.util.find_spec(package)
+    if found is None or found.origin is None:
+        raise FileNotFoundError(f"model {name} is shipped by {package}, which is not installed")
+    return pathlib.Path(found.origin).parent / path
+
+
+def _add_box(spec: mujoco.MjSpec, half: float = 0.02) -> None:
+    """A free box on the floor in front of an arm, also in its keyframes."""
+    pose = [0.5, 0, half, 1, 0, 0, 0]
+    body = spec.worldbody.add_body(name="box", pos=pose[:3])
+    body.add_freejoint()
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[half] * 3, mass=0.1)
+    for key in spec.keys:
+        key.qpos = [*key.qpos, *pose]
 
 
 @dataclasses.dataclass

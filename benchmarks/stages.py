@@ -1,11 +1,11 @@
 """Where the time of a step goes: kinematics, smooth dynamics, collision, rows, solver, integration.
 
-Programs of growing length are compiled for one batch, each giving out the sum of all that the next
-stage needs, and timed in turn on one thread, which goes through the batch in chunks, as rollouts
-do; a stage costs the difference between two of them. The compiler fuses across stages, so that
-small differences are noise, and the sums cost time, too: as the whole step does without them, the
-last stage may come out below zero. A primer on simulation puts collision at 30-50, the solver at
-20-40 and dynamics at 10-20 per cent, without a source.
+Programs of growing length are compiled for one batch, as kernels where steps are, each giving out
+the sum of all that the next stage needs, and timed in turn on one thread, which goes through the
+batch in chunks, as rollouts do; a stage costs the difference between two of them. The compiler
+fuses across stages, so that small differences are noise, and the sums cost time, too: as the whole
+step does without them, the last stage may come out below zero. A primer on simulation puts
+collision at 30-50, the solver at 20-40 and dynamics at 10-20 per cent, without a source.
 """
 
 import argparse
@@ -44,7 +44,7 @@ def _shares(name: str, options) -> dict:
     import jaxsim
     from jaxsim.parallel.chunks import even_lanes
 
-    mj = models.load(name)
+    mj = models.load(name, options.menagerie)
     model, states = jaxsim.load(mj), models.visited(mj, options.states)
     batch = states.batch(model, options.batch)
     lanes, programs = even_lanes(model, options.batch), {}
@@ -64,7 +64,8 @@ def _programs(model):
 
     import jaxsim
     from jaxsim.dynamics.kinematics import kinematics
-    from jaxsim.engine.stepping import evaluate
+    from jaxsim.engine.stepping import evaluate, steps_are_kernels
+    from jaxsim.lanes import as_kernel
 
     def positions(state, ctrl):
         return _total(kinematics(model, state.qpos, state.mocap_pos, state.mocap_quat))
@@ -89,13 +90,16 @@ def _programs(model):
 
     def _smooth(now):
         motion = now.motion.replace(model=None)
-        return motion, now.passive, now.actuation, now.inertial_force, now.qfrc_smooth
+        return motion, now.passive, now.actuation, now.qfrc_smooth
 
     def _total(tree):
         arrays = [x for x in jax.tree.leaves(tree) if isinstance(x, jax.Array)]
         return sum(jnp.sum(x.astype(float)) for x in arrays)
 
-    return positions, smooth, contacts, rows, solved, lambda s, u: jaxsim.step(model, s, u)
+    parts = [positions, smooth, contacts, rows, solved]
+    if steps_are_kernels(model):
+        parts = [as_kernel(f, finite_math=True) for f in parts]
+    return *parts, lambda s, u: jaxsim.step(model, s, u)
 
 
 def _draw(figure, rows) -> None:

@@ -78,6 +78,29 @@ def test_candidates_take_turns(common):
     assert all(len(t.samples) == 3 for t in timings.values())
 
 
+def test_a_model_of_menagerie_needs_its_folder(benchmark_module, tmp_path):
+    models = benchmark_module("models")
+    with pytest.raises(FileNotFoundError, match="--menagerie"):
+        models.load("go2")
+    with pytest.raises(FileNotFoundError, match=str(tmp_path)):
+        models.load("go2", tmp_path)
+
+
+def test_an_arm_gets_a_box_that_rests_on_the_floor(benchmark_module, tmp_path):
+    models = benchmark_module("models")
+    file = tmp_path / models.MENAGERIE["panda_box"]
+    file.parent.mkdir()
+    file.write_text("""<mujoco><worldbody><geom type="plane" size="1 1 1"/>
+      <body pos="0 0 1"><joint name="j" axis="1 0 0"/><geom size=".1"/></body></worldbody>
+      <keyframe><key qpos="0.3"/></keyframe></mujoco>""")
+    mj = models.load("panda_box", tmp_path)
+    data = models.start(mj)
+    mujoco.mj_forward(mj, data)
+    assert data.qpos[0] == 0.3
+    assert data.ncon == 4
+    np.testing.assert_allclose(data.contact.dist, 0, atol=1e-12)
+
+
 def test_table_aligns_columns(common):
     lines = common.table([{"name": "a", "x": 0.5}, {"name": "long", "y": 12345.0}]).splitlines()
     assert len({len(line) for line in lines}) == 1
