@@ -55,7 +55,7 @@ def main(arguments=None) -> None:
 
 def _options(arguments) -> argparse.Namespace:
     names = ["-".join(p) for p in collision_poses.PAIRS]
-    parser = common.parser(__doc__, repetitions=5)
+    parser = common.parser(__doc__ or "", repetitions=5)
     parser.add_argument("--pairs", nargs="+", default=names, choices=names)
     parser.add_argument("--poses", type=int, default=10_000, help="of each pair, in four parts")
     parser.add_argument("--seed", type=int, default=0)
@@ -108,7 +108,7 @@ class Pair:
         self.far = collision_poses.model(names, collision_poses.FAR_MARGIN)
         self._programs: dict = {}
 
-    def contacts(self, pos, mat, dtype=np.float64):
+    def contacts(self, pos, mat, dtype: type = np.float64):
         """Distances (n, k) and normals (n, k, 3)."""
         import jax
 
@@ -165,11 +165,11 @@ class Pair:
 
     def float32_error(self, pos, mat) -> float:
         """Largest difference of the smallest distances in float32 and float64."""
-        single = [x.astype(np.float32) for x in (pos, mat)]
-        exact = self.contacts(*(x.astype(float) for x in single))[0].min(axis=1)
-        return np.abs(self.contacts(*single, np.float32)[0].min(axis=1) - exact).max()
+        pos, mat = pos.astype(np.float32), mat.astype(np.float32)
+        exact = self.contacts(pos.astype(float), mat.astype(float))[0].min(axis=1)
+        return np.abs(self.contacts(pos, mat, np.float32)[0].min(axis=1) - exact).max()
 
-    def gradient_errors(self, rng, poses, aligned) -> dict:
+    def gradient_errors(self, rng, poses, aligned: tuple[np.ndarray, np.ndarray]) -> dict:
         """Derivatives along random motions of the second geom, against central differences."""
         import jax
 
@@ -199,7 +199,7 @@ class Pair:
             "gradient": error.max(initial=0),
             "gradient 99 %": np.quantile(error, 0.99) if len(error) else None,
             "smooth": smooth.mean(),
-            "not finite": int(np.sum(~np.logical_and(*finite))),
+            "not finite": int(np.sum(~finite[0] | ~finite[1])),
         }
 
     def times(self, poses, options) -> dict:

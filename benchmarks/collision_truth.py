@@ -71,7 +71,7 @@ def signed_distances(mj: mujoco.MjModel, pos: np.ndarray, mat: np.ndarray) -> np
     first, second = Solid(mj, 0), Solid(mj, 1)
     one = functools.partial(_plane if first.kind == "plane" else _solids, first, second)
     run = jax.jit(lambda p, m: lax.map(lambda x: one(*x), (p, m), batch_size=64))
-    with jax.enable_x64(True):
+    with jax.enable_x64(True), jax.numpy_rank_promotion("allow"):
         return np.asarray(run(jnp.asarray(pos, float), jnp.asarray(mat, float)))
 
 

@@ -1,10 +1,14 @@
 """Flat contacts have as many points as MuJoCo's, and support as well."""
 
 import jax
+import jax.numpy as jnp
 import mujoco
 import numpy as np
 import pytest
-from pair_sizes import hulls, values
+from oracle import quick_jit
+from pair_sizes import entry, hulls, values
+
+from jaxsim.collision import Shape
 
 CASES = [("capsule", "cylinder"), ("cylinder", "cylinder"), ("cylinder", "box")]
 DEPTH = 0.002
@@ -68,3 +72,26 @@ def mujoco_data(model, contacts_of, pos, mat):
     for k in range(2):
         mujoco.mju_mat2Quat(quat[k], mat[k].ravel())
     return contacts_of(model, [*pos[1], *quat[1]], [*pos[0], *quat[0]])
+
+
+def test_derivative_of_a_tilted_caps_depth(rng, two_geoms):
+    """It is that of the round rim, not of the polygon that replaces the cap."""
+    names = "cylinder", "cylinder"
+    size, hull = two_geoms(*names).geom_size, [None, None]
+    mat, up = laid_on_each_other(rng, 0.02)
+    pos = pressed(names, mat, up, size, hull, rng)
+    several = np.sum(np.asarray(values(names)(pos, mat, size, hull)[0]) < 1, axis=1) > 1
+    assert several.sum() > 4
+    skew = np.cross(rng.normal(size=(len(mat), 1, 3)), np.eye(3))
+    function = entry(names).function
+
+    def deepest(angle, pos, mat, skew):
+        turned = mat[1] + angle * skew @ mat[1] + angle**2 / 2 * skew @ (skew @ mat[1])
+        first, second = (
+            Shape(p, m, s) for p, m, s in zip(pos, (mat[0], turned), size, strict=True)
+        )
+        return jnp.min(function(first, second).dist)
+
+    both = quick_jit(jax.vmap(jax.value_and_grad(deepest), in_axes=(None, 0, 0, 0)))
+    (plus, _), (_, slope), (minus, _) = (both(h, pos, mat, skew) for h in (1e-6, 0.0, -1e-6))
+    np.testing.assert_allclose(slope[several], ((plus - minus) / 2e-6)[several], atol=1e-6)

@@ -9,7 +9,6 @@ number of contacts and the distances are MuJoCo's.
 import jax
 import jax.numpy as jnp
 from flax import struct
-from jax import lax
 from jaxtyping import Array, Bool, Float
 
 from jaxsim.collision.convex.solid import Facet
@@ -57,7 +56,7 @@ def manifold(solids: SolidPair, touch: Touch, count: int) -> Manifold:
     normal = _common_normal(touch.normal, first, second)
     dist, middle, exists = _common_part(solids, first, second, normal)
     dist = jnp.where(exists, dist, jnp.inf)
-    deepest = jnp.min(dist)
+    deepest = pick(one_hot(-dist), dist)
     lies = lies & (jnp.abs(deepest - touch.dist) < CONSISTENT * solids.size)
     apart = jnp.sqrt(jnp.sum((middle - pick(one_hot(-dist), middle)[None]) ** 2, axis=1))
     weight = levelness(dist - deepest, apart)
@@ -66,8 +65,9 @@ def manifold(solids: SolidPair, touch: Touch, count: int) -> Manifold:
     weight = jnp.where(level | (weight > jnp.max(weight) - SAME), weight, 0)
     chosen, exists = spread(middle, dist, weight, normal, count)
     exists = exists & (level | (jnp.arange(count) < 2))
-    # The polygon that replaces a round cap is not quite as deep as the cap: correct the distance.
-    dist = dist + lax.stop_gradient(jnp.where(lies, touch.dist - deepest, 0))
+    # The polygon that replaces a round cap is not quite as deep as the cap, and its corners do not
+    # turn with the normal: correct the distance and its derivative.
+    dist = dist + jnp.where(lies, touch.dist - deepest, 0)
     dist, middle = (jnp.stack([pick(mask, x) for mask in chosen]) for x in (dist, middle))
     several = Manifold(dist, middle, exists, normal)
     one = Manifold.of(touch, count)
