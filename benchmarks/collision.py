@@ -17,7 +17,8 @@ row tells of one pair:
 - `us`, `MuJoCo us`: processor time of a pose, ours in float32 in a batch of 1,024 on one core.
 
 Times need a quiet machine, the rest does not: `--times-of results/collision.json` measures only
-times anew, and keeps everything else of that record.
+times anew, and keeps everything else of that record. The record is written after each pair; with
+`--keep` it also has the rows of another record.
 """
 
 import argparse
@@ -41,24 +42,29 @@ RULES = {
     *(("hfield", b) for b in collision_poses.SHAPES[2:]),
 }
 STEP = 1e-6
+NAMES = ["-".join(p) for p in collision_poses.PAIRS]
 
 
 def main(arguments=None) -> None:
     options = _options(arguments)
     common.setup()
-    rows = timed_again(options) if options.times_of else []
-    for pair in [] if rows else options.pairs:
-        rows.append(measure(tuple(pair.split("-")), options))
-        print(common.table(rows[-1:]), flush=True)
-    common.write(options, __file__, {"rows": rows})
+    if options.times_of:
+        common.write(options, __file__, {"rows": timed_again(options)})
+        return
+    kept = json.loads(options.keep.read_text())["rows"] if options.keep else []
+    rows = {row["pair"]: row for row in kept}
+    for pair in options.pairs:
+        rows[pair] = measure(tuple(pair.split("-")), options)
+        print(common.table([rows[pair]]), flush=True)
+        common.write(options, __file__, {"rows": [rows[p] for p in NAMES if p in rows]})
 
 
 def _options(arguments) -> argparse.Namespace:
-    names = ["-".join(p) for p in collision_poses.PAIRS]
     parser = common.parser(__doc__ or "", repetitions=5)
-    parser.add_argument("--pairs", nargs="+", default=names, choices=names)
+    parser.add_argument("--pairs", nargs="+", default=NAMES, choices=NAMES)
     parser.add_argument("--poses", type=int, default=10_000, help="of each pair, in four parts")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--keep", type=pathlib.Path, help="a record with rows of other pairs")
     parser.add_argument("--times-of", type=pathlib.Path, help="a record whose times are replaced")
     return parser.parse_args(arguments)
 

@@ -110,6 +110,23 @@ def test_agrees_with_mujoco(names, rng, two_geoms, contacts_of):
     assert (np.quantile(errors, 0.8, axis=0) < [1e-5, 1e-3, 5e-3]).all()
 
 
+@pytest.mark.slow
+def test_almost_aligned_cylinders(benchmark_module, two_geoms):
+    """Parallel or at right angles up to a tilt: lines of their sides are almost level."""
+    names, rng, count = ("cylinder", "cylinder"), np.random.default_rng(3), 1024
+    poses, truth = benchmark_module("collision_poses"), benchmark_module("collision_truth")
+    size = two_geoms(*names).geom_size
+
+    def contacts(pos, mat):
+        dist, _, normal = values(names)(pos, mat, size, [None, None])
+        return np.asarray(dist), np.asarray(normal)
+
+    target = rng.uniform(-1e-3, 5e-3, count)
+    pos, mat = poses.move_to(target, poses.aligned_poses(names, rng, count), contacts)
+    expected = truth.signed_distances(poses.model(names, 0.0), pos, mat)
+    np.testing.assert_allclose(contacts(pos, mat)[0].min(axis=1), expected, atol=3e-7)
+
+
 @functools.cache
 def derivatives(names):
     """Batched function: a directional derivative, and the gradient of a product of the values."""

@@ -33,6 +33,9 @@ from jaxsim.collision.spread import one_hot, pick
 
 # Distance of q from the surface in each step of the search, in sizes of the smaller solid.
 BEYOND = (0.4,) * 6 + (0.04,) * 6
+# The last of these again, so many times, for solids with round caps: along a line of a cylinder's
+# side that is almost level, support points jump from end to end.
+CAPPED = 4
 # For overlaps deeper than DEEP, in the same unit, the search starts from STARTS more directions,
 # whose cosines with each other are below DIFFERENT.
 DEEP, STARTS, DIFFERENT = 0.01, 4, 0.95
@@ -100,7 +103,9 @@ def _separation(solids: SolidPair, n: Float[Array, "3"]) -> tuple[Float[Array, "
 
 def _climb(solids: SolidPair, n: Float[Array, "3"]) -> SearchResult:
     """Search for a local maximum of the separation, starting from n."""
-    beyond = jnp.asarray(np.array(BEYOND), n.dtype) * solids.size
+    capped = solids.first.capped or solids.second.capped
+    steps = BEYOND + BEYOND[-1:] * (CAPPED if capped else 0)
+    beyond = jnp.asarray(np.array(steps), n.dtype) * solids.size
     return lax.scan(lambda found, x: (_step(solids, found, x), None), _start(solids, n), beyond)[0]
 
 
