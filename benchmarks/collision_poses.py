@@ -73,7 +73,7 @@ def _unit(x: np.ndarray) -> np.ndarray:
 def random_poses(names, rng, count: int):
     """Positions, rotations, and directions (n, 3) along which the second geom is moved."""
     mat = np.stack([rotations(rng, count), rotations(rng, count)], axis=1)
-    return _placed(names, rng, mat)
+    return _placed(names, rng, mat, _unit(rng.normal(size=(count, 3))))
 
 
 def aligned_poses(names, rng, count: int):
@@ -85,10 +85,9 @@ def aligned_poses(names, rng, count: int):
     skew = np.cross(axis[:, None], np.eye(3)).swapaxes(1, 2)
     sine, versine = np.sin(tilt)[:, None, None], (1 - np.cos(tilt))[:, None, None]
     tilted = (np.eye(3) + sine * skew + versine * skew @ skew) @ second
-    pos, mat, _ = _placed(names, rng, np.stack([common, tilted], axis=1))
     axes = np.eye(3)[rng.integers(3, size=count)] * rng.choice([-1, 1], size=(count, 1))
-    axes = np.eye(3)[[2] * count] if names[0] in ("plane", "hfield") else axes
-    return pos, mat, np.einsum("nij,nj->ni", common, axes)
+    along = np.einsum("nij,nj->ni", common, axes)
+    return _placed(names, rng, np.stack([common, tilted], axis=1), along)
 
 
 def _quarter_turns() -> np.ndarray:
@@ -99,9 +98,8 @@ def _quarter_turns() -> np.ndarray:
     return np.array([*right, *(half @ m for m in right)])
 
 
-def _placed(names, rng, mat):
+def _placed(names, rng, mat, along):
     count = len(mat)
-    along = _unit(rng.normal(size=(count, 3)))
     pos = np.zeros((count, 2, 3))
     sideways = rng.uniform(-0.04, 0.04, (count, 3))
     if names[0] in ("plane", "hfield"):
