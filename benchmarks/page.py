@@ -297,7 +297,8 @@ SECTIONS = (
         "MuJoCo C. Gradient: of the smallest distance, against central differences. "
         "Microseconds are of one core, ours in float32 in a batch of 1,024. "
         "Measured on a machine with other work in several runs of 1,000 or 2,000 poses of each "
-        "pair; the command is the last. MuJoCo C's smallest distance is that of any of its contacts.",
+        "pair; the command is the last. MuJoCo C's smallest distance is that of any of its "
+        "contacts.",
         collision,
     ),
     Section(
