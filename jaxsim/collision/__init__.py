@@ -8,7 +8,7 @@ from jaxsim.collision.candidates import (
     model_candidates,
 )
 from jaxsim.collision.contact import Contact, ContactKind, SlotRange
-from jaxsim.collision.detection import detect
+from jaxsim.collision.detection import detect, number_within_reach
 from jaxsim.collision.parameters import contact_parameters
 from jaxsim.collision.shapes import INACTIVE, Contacts, Hull, HullFaces, Shape
 from jaxsim.collision.table import PAIRS, PairFunction
@@ -31,4 +31,5 @@ __all__ = [
     "find_candidates",
     "is_movable",
     "model_candidates",
+    "number_within_reach",
 ]

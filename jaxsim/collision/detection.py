@@ -166,10 +166,26 @@ def _pairs(
     if count == len(group):
         return ids, 0
     # The selection of pairs has no derivative.
-    excess = lax.stop_gradient(_distance_bounds(group, shapes) - _reach(model, *ids))
-    chosen, lost = within_reach(excess, count)
+    chosen, lost = within_reach(_excess(model, group, shapes), count)
     first, second, pair = (_take_ids(i, chosen) for i in ids)
     return (first, second, pair), lost
+
+
+def number_within_reach(
+    model: Any,
+    group: PairGroup,
+    geom_xpos: Float[Array, "ngeom 3"],
+    geom_xmat: Float[Array, "ngeom 3 3"],
+) -> Int[Array, ""]:
+    """How many pairs of a group have bounding volumes that overlap."""
+    shapes = Shape(geom_xpos, geom_xmat, jnp.asarray(model.geom_size, geom_xpos.dtype))
+    return jnp.sum(~(_excess(model, group, shapes) >= 0))
+
+
+def _excess(model: Any, group: PairGroup, shapes: Shape) -> Float[Array, "n"]:
+    """Lower bounds on the distances of a group's pairs, minus their reach."""
+    reach = _reach(model, group.geom1, group.geom2, group.pair)
+    return lax.stop_gradient(_distance_bounds(group, shapes) - reach)
 
 
 def _in_slots(

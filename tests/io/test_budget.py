@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import jaxsim
-from jaxsim.collision import find_candidates
+from jaxsim.collision import find_candidates, model_candidates
 from jaxsim.io.budget import probe
 
 SHEET = """
@@ -44,6 +44,20 @@ def test_four_seconds_of_random_motion_fit(name):
             fixed = data.contact.geom[:, 0] == 0
             mine = (data.contact.dim == kind.condim) & (fixed != kind.movable[0])
             assert mine.sum() <= most
+
+
+def test_bounding_volumes_that_overlap_have_slots():
+    """Discs in layers 5 cm apart never touch, but many of their bounding volumes overlap."""
+    discs = "".join(
+        f'<body pos="{0.4 * (i % 2)} 0 {0.05 * i}"><joint type="slide"/>'
+        '<geom type="ellipsoid" size=".5 .5 .01"/></body>'
+        for i in range(30)
+    )
+    xml = f'<mujoco><option gravity="0 0 0"/><worldbody>{discs}</worldbody></mujoco>'
+    model = jaxsim.load(xml)
+    candidates = model_candidates(model)
+    assert candidates.pairs()[0] < len(candidates.groups[0])
+    assert int(jaxsim.forward(model, jaxsim.make_state(model)).status.contact_overflow) == 0
 
 
 def test_probing_large_scenes_is_bounded():
