@@ -72,7 +72,7 @@ def detect(
     kinds = _kinds(candidates)
     # Its numbers are part of the loops' programs.
     loops = tracing_cpu_kernel() and not is_traced(model)
-    at_once = [pairs for kind in kinds if not (loops and kind.selects) for pairs in kind.pairs]
+    at_once = [kind for kind in kinds if not (loops and kind.selects)]
     of_groups = iter(_slots_of_groups(model, at_once, shapes))
     parts, overflow = [], jnp.zeros((), int)
     for kind in kinds:
@@ -134,7 +134,7 @@ def _by_loop(model: Any, kind: _Kind, shapes: Shape) -> tuple[_Slots, Int[Array,
         return found.contacts, found.contacts.frame, chosen, lost
 
     def at_once(shapes):
-        slots, lost = _deepest_of(model, _slots_of_groups(model, kind.pairs, shapes), kind.slots)
+        slots, lost = _deepest_of(model, _slots_of_groups(model, [kind], shapes), kind.slots)
         chosen = [jnp.asarray(getattr(slots, name)) for name in _IDS]
         return slots.contacts, slots.frame, chosen, jnp.asarray(lost)
 
@@ -146,12 +146,18 @@ def _by_loop(model: Any, kind: _Kind, shapes: Shape) -> tuple[_Slots, Int[Array,
 
 
 def _slots_of_groups(
-    model: Any, pairs: Sequence[tuple[PairGroup, int]], shapes: Shape
+    model: Any, kinds: Sequence[_Kind], shapes: Shape
 ) -> list[tuple[_Slots, Int[Array, ""] | int]]:
     """The slots of each group, and how many other contacts there might be."""
-    groups = [group for group, _ in pairs]
-    chosen = [_pairs(model, *pair, shapes) for pair in pairs]
-    contacts = contacts_of_groups(model, groups, shapes, [ids for ids, _ in chosen])
+    groups = [group for kind in kinds for group, _ in kind.pairs]
+    chosen = [_pairs(model, *pair, shapes) for kind in kinds for pair in kind.pairs]
+    selects = [kind.selects for kind in kinds for _ in kind.pairs]
+    # Contacts out of reach have no slot where some are selected, and a use where none are.
+    reach = [
+        _reach(model, *ids) if some else None
+        for (ids, _), some in zip(chosen, selects, strict=True)
+    ]
+    contacts = contacts_of_groups(model, groups, shapes, [ids for ids, _ in chosen], reach)
     return [
         _in_slots(model, group, ids, lost, found)
         for group, (ids, lost), found in zip(groups, chosen, contacts, strict=True)

@@ -1,5 +1,6 @@
 """Contacts of pairs of geoms: pair functions, applied to arrays of pairs."""
 
+import functools
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -7,39 +8,73 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import Array, Int
+from jaxtyping import Array, Float, Int
 
 from jaxsim.arrays.indexing import Index, gather
+from jaxsim.collision.blocks import BLOCK, close_pairs, contacts_in_blocks
 from jaxsim.collision.candidates import PairGroup
 from jaxsim.collision.fields import Fields
 from jaxsim.collision.hulls import Hulls
 from jaxsim.collision.parameters import contact_reach
 from jaxsim.collision.sdf import SignedDistances
 from jaxsim.collision.shapes import Contacts, Shape
-from jaxsim.collision.table import BOX, HFIELD, MESH, PAIRS, SDF
+from jaxsim.collision.table import BOX, HFIELD, MESH, PAIRS, PLANE, SDF
 
 
 def contacts_of_groups(
-    model: Any, groups: Sequence[PairGroup], shapes: Shape, ids: Sequence[tuple[Index, ...]]
+    model: Any,
+    groups: Sequence[PairGroup],
+    shapes: Shape,
+    ids: Sequence[tuple[Index, ...]],
+    reach: Sequence[Float[Array, "_"] | None],
 ) -> list[Contacts]:
     """The contacts of some pairs of each group.
 
     Groups of meshes that differ only in kind are evaluated together, because the programs of these
     pairs are large.
+
+    Args:
+      model: the model.
+      groups: groups of pairs.
+      shapes: shapes of all geoms.
+      ids: geoms and numbers of the explicit pairs of some pairs of each group.
+      reach: distances from which on contacts of these pairs have no use, and may be left out (m);
+        None if all have a use.
     """
     together: dict[Any, list[int]] = {}
     for k, group in enumerate(groups):
-        alike = MESH in group.types and HFIELD not in group.types and SDF not in group.types
-        together.setdefault(group.types if alike else k, []).append(k)
+        together.setdefault(group.types if _has_hulls(group) else k, []).append(k)
     found = {}
     for members in together.values():
         group = _union([groups[k] for k in members])
         joined = [join_ids([ids[k][i] for k in members]) for i in range(3)]
-        contacts = pair_contacts(model, PAIRS[group.types].function, group, shapes, joined)
+        limits = [_limit(reach[k], len(ids[k][0])) for k in members]
+        idle = sum(len(ids[k][0]) for k in members if reach[k] is not None)
+        if idle > BLOCK and _has_hulls(group) and group.types[0] != PLANE:
+            contacts = _in_blocks(model, group, shapes, joined, jnp.concatenate(limits))
+        else:
+            contacts = pair_contacts(model, PAIRS[group.types].function, group, shapes, joined)
         stops = np.cumsum([len(ids[k][0]) for k in members])
         for k, start, stop in zip(members, [0, *stops], stops, strict=False):
             found[k] = jax.tree.map(lambda x, a=start, b=stop: x[a:b], contacts)
     return [found[k] for k in range(len(groups))]
+
+
+def _limit(reach: Float[Array, "n"] | None, count: int) -> Float[Array, "n"]:
+    return jnp.full(count, jnp.inf) if reach is None else reach
+
+
+def _in_blocks(
+    model: Any, group: PairGroup, shapes: Shape, ids: Sequence[Index], reach: Float[Array, "n"]
+) -> Contacts:
+    """The contacts of the pairs that may have some within reach."""
+    contacts = functools.partial(pair_contacts, model, PAIRS[group.types].function, group, shapes)
+    first, second = (take_shapes(shapes, i) for i in ids[:2])
+    return contacts_in_blocks(contacts, ids, close_pairs(group.types, first, second, reach))
+
+
+def _has_hulls(group: PairGroup) -> bool:
+    return MESH in group.types and HFIELD not in group.types and SDF not in group.types
 
 
 def _union(groups: Sequence[PairGroup]) -> PairGroup:

@@ -1,0 +1,80 @@
+"""Contacts of many pairs of which few are close, a block of pairs at a time.
+
+Pairs that a lower bound on their distance does not rule out come first, and the loop skips the
+blocks without one. So memory is that of a block, and time follows the pairs that are close. The
+loop has a fixed length, and derivatives in both modes.
+"""
+
+import functools
+from collections.abc import Callable, Sequence
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxsim.arrays.indexing import Index
+from jaxsim.batching.primitives.decisions import any_in_batch
+from jaxsim.collision.bounds import distance_bound
+from jaxsim.collision.selection import set_indices
+from jaxsim.collision.shapes import INACTIVE, Contacts, Shape
+
+# Number of pairs whose contacts are computed at a time.
+BLOCK = 8
+
+
+def close_pairs(
+    types: tuple[int, int], first: Shape, second: Shape, reach: Float[Array, "n"]
+) -> Bool[Array, "n"]:
+    """Pairs of shapes that may have contacts with distances below `reach` (m)."""
+    bounds = jax.vmap(functools.partial(distance_bound, types))(first, second)
+    # NaN counts as close, so that it is not lost.
+    return ~(lax.stop_gradient(bounds - reach.astype(bounds.dtype)) >= 0)
+
+
+def contacts_in_blocks(
+    contacts: Callable[[Sequence[Int[Array, "b"]]], Contacts],
+    ids: Sequence[Index],
+    close: Bool[Array, "n"],
+) -> Contacts:
+    """Contacts of the pairs that are close; all others have the distance `INACTIVE`.
+
+    Args:
+      contacts: from arrays of ids of some pairs to their contacts.
+      ids: ids of all pairs.
+      close: which of them are close.
+    """
+    count = len(close)
+    blocks = -(-count // BLOCK)
+    order = jnp.pad(set_indices(close, count), (0, blocks * BLOCK - count), mode="edge")
+    block_ids = [jnp.asarray(i)[order].reshape(blocks, BLOCK) for i in ids]
+    wanted = BLOCK * np.arange(blocks) < jnp.sum(close)
+
+    def of_block(_, block):
+        wanted, *own = block
+        nothing = _nothing(jax.eval_shape(contacts, own))
+        return None, lax.cond(any_in_batch(wanted), lambda: contacts(own), lambda: nothing)
+
+    _, found = lax.scan(of_block, None, (wanted, *block_ids))
+    found = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), found)
+    place = jnp.maximum(jnp.cumsum(close) - 1, 0)
+    nothing = _nothing(jax.eval_shape(lambda: jax.tree.map(lambda x: x[:count], found)))
+
+    def placed(some, none):
+        mask = close.reshape(-1, *(1,) * (some.ndim - 1))
+        return jnp.where(mask, some[place], none)
+
+    return jax.tree.map(placed, found, nothing)
+
+
+def _nothing(like: Contacts) -> Contacts:
+    """Contacts of given shapes that are all inactive."""
+
+    def axis(x, k):
+        return jnp.broadcast_to(jnp.asarray(np.eye(3)[k], x.dtype), x.shape)
+
+    dist = jnp.full(like.dist.shape, INACTIVE, like.dist.dtype)
+    pos = jnp.zeros(like.pos.shape, like.pos.dtype)
+    others = None if like.others is None else jnp.full_like(like.others, INACTIVE)
+    return Contacts(dist, pos, axis(like.normal, 0), axis(like.tangent, 1), others)

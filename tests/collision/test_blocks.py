@@ -1,0 +1,64 @@
+"""Contacts of pairs in blocks."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxsim
+from jaxsim.collision.blocks import BLOCK, close_pairs, contacts_in_blocks
+from jaxsim.collision.pairs.capsule import sphere_sphere
+from jaxsim.collision.shapes import INACTIVE, Shape
+from jaxsim.collision.table import SPHERE
+
+COUNT = 2 * BLOCK + 3
+IDS = (np.arange(COUNT), np.arange(COUNT)[::-1].copy())
+
+
+def spheres(pos):
+    """A sphere of 1 cm at each position."""
+    eye = jnp.broadcast_to(jnp.eye(3), (len(pos), 3, 3))
+    return Shape(pos, eye, jnp.full((len(pos), 3), 0.01))
+
+
+def both_ways(pos):
+    """Distances and points of all pairs at once, of them in blocks, and which pairs are close."""
+    shapes = spheres(pos)
+    take = lambda i: jax.tree.map(lambda x: x[jnp.asarray(i)], shapes)  # noqa: E731
+    contacts = lambda ids: jax.vmap(sphere_sphere)(*map(take, ids))  # noqa: E731
+    close = close_pairs((SPHERE, SPHERE), *map(take, IDS), jnp.zeros(COUNT))
+    return contacts(IDS), contacts_in_blocks(contacts, IDS, close), close
+
+
+@pytest.fixture
+def pos(rng):
+    """Three environments: all pairs are close, some are, none is."""
+    unit = rng.normal(size=(COUNT, 3))
+    unit /= np.linalg.norm(unit, axis=1, keepdims=True)
+    return jnp.asarray(
+        np.stack([0.005 * unit, 0.012 * unit, unit + 0.1 * np.arange(COUNT)[:, None]])
+    )
+
+
+def test_pairs_that_are_close_have_their_contacts_and_others_none(pos):
+    whole, blocks, close = jax.jit(jaxsim.vmap(both_ways))(pos)
+    number = close[:2].sum(axis=1)
+    assert number[0] == COUNT
+    assert 0 < number[1] < COUNT
+    whole, blocks = (jnp.concatenate([c.pos, c.dist[..., None]], axis=-1) for c in (whole, blocks))
+    np.testing.assert_allclose(blocks[close], whole[close], rtol=1e-5, atol=1e-9)
+    assert (blocks[~close][..., 3] == INACTIVE).all()
+
+
+def test_derivatives_in_both_modes(pos):
+    """Of the sum of squared distances of close pairs."""
+
+    def cost(pos, in_blocks):
+        whole, blocks, close = both_ways(pos)
+        dist = (blocks if in_blocks else whole).dist[:, 0]
+        return jnp.sum(jnp.where(close, dist, 0) ** 2)
+
+    for mode in (jax.grad, jax.jacfwd):
+        right, found = (jax.jit(mode(lambda x, b=b: cost(x, b)))(pos[1]) for b in (False, True))
+        assert np.abs(right).max() > 0
+        np.testing.assert_allclose(found, right, rtol=1e-5)
