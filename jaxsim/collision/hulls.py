@@ -2,12 +2,14 @@
 
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
 from jaxsim.arrays.indexing import Index, gather
 from jaxsim.collision.shapes import Hull, HullCells, HullFaces, Shape
+from jaxsim.model.facts import fact
 
 # Number of corners from which heights above faces are estimated.
 SOME = 48
@@ -34,22 +36,20 @@ class Hulls:
         self.geom_hull = model.geom_hull
         size = model.hull_size[np.unique(model.geom_hull[geoms])].max(axis=0)
         corners, faces, sides, degree, near = (int(n) for n in size)
-        self.corner = jnp.asarray(model.hull_corner[:, :corners], dtype)
-        self.some = jnp.asarray(_spread(model.hull_corner[:, :corners]), dtype)
+        number, index = _tables(model).array, np.dtype(np.int32)
+        self.corner = number("corner", dtype, corners)
+        self.some = number("some", dtype, corners)
         self.near = None
         if GAIN * near < corners:
-            tables = (jnp.asarray(x, jnp.int32) for x in (model.hull_cell, model.hull_near))
-            self.near = HullCells(*tables, most=near)
+            self.near = HullCells(number("cell", index), number("near", index), most=near)
         self.faces = HullFaces(
-            normal=jnp.asarray(model.hull_normal[:, :faces], dtype),
-            offset=jnp.asarray(_offsets(model)[:, :faces], dtype),
-            face=jnp.asarray(model.hull_face[:, :faces], jnp.int32),
-            ring=jnp.asarray(model.hull_ring, dtype),
-            around=jnp.asarray(model.hull_around[:, :corners, :degree], jnp.int32),
-            place=jnp.asarray(model.hull_place[:, :corners, :degree], jnp.int32),
-            before=jnp.asarray(model.hull_before, jnp.int32),
-            others=jnp.asarray(model.hull_others, jnp.int32),
+            normal=number("normal", dtype, faces),
+            offset=number("offset", dtype, faces),
+            ring=number("ring", dtype),
+            face=number("face", index, faces),
+            **{name: number(name, index) for name in ("at", "around", "place", "before", "others")},
             sides=sides,
+            degree=degree,
         )
 
     def rows(self, geoms: Index) -> Index:
@@ -62,10 +62,38 @@ class Hulls:
         return shape.replace(hull=hull)
 
 
-def _offsets(model: Any) -> np.ndarray:
-    """See `HullFaces.offset`."""
-    first = model.hull_ring[model.hull_face[..., 0]]
-    return np.sum(model.hull_normal * first, axis=-1)
+class _Tables:
+    """Tables of all hulls of a model, as arrays that groups share: each is once in a program."""
+
+    def __init__(self, model: Any):
+        first = model.hull_ring[model.hull_face[..., 0]]
+        exists = model.hull_around >= 0
+        count = exists.sum(axis=2)
+        start = np.cumsum(count).reshape(count.shape) - count
+        names = ("corner", "normal", "face", "ring", "before", "others", "cell", "near")
+        self._tables = {name: getattr(model, f"hull_{name}") for name in names} | {
+            "offset": np.sum(model.hull_normal * first, axis=-1),
+            "at": np.stack([start, count], axis=2),
+            "around": model.hull_around[exists],
+            "place": model.hull_place[exists],
+        }
+        self._arrays: dict[Any, Array] = {}
+
+    def array(self, name: str, dtype, columns: int | None = None) -> Array:
+        """A table, cut to its first columns; "some" are those of corners, see `Hull`."""
+        key = name, np.dtype(dtype), columns
+        if key not in self._arrays:
+            table = self._tables["corner" if name == "some" else name]
+            table = table if columns is None else table[:, :columns]
+            with jax.ensure_compile_time_eval():
+                table = _spread(table) if name == "some" else table
+                self._arrays[key] = jnp.asarray(table, dtype)
+        return self._arrays[key]
+
+
+@fact()
+def _tables(model: Any) -> _Tables:
+    return _Tables(model)
 
 
 def _spread(corner: np.ndarray) -> np.ndarray:

@@ -28,23 +28,36 @@ class HullFaces:
       offset: scalar products of these with points on the faces.
       face: where the corners of each face start in `ring`, and their number.
       ring: corners around the faces, counterclockwise seen from outside.
-      around: numbers of the faces at each corner, ascending; -1 where there are no more.
-      place: its place in each of these faces, in the tables of places.
+      at: where the faces at each corner start in `around` and `place`, and their number.
+      around: numbers of these faces, ascending.
+      place: the corner's place in each of these faces, in the tables of places.
       before: number of the corner before each place.
       others: numbers of three corners that make a large quadrilateral with the one of each place,
         in order; -1 where the face has less.
       sides: largest number of corners of a face in `ring`.
+      degree: largest number of faces at a corner.
     """
 
     normal: Float[Array, "h f 3"]
     offset: Float[Array, "h f"]
     face: Int[Array, "h f 2"]
     ring: Float[Array, "r 3"]
-    around: Int[Array, "h v k"]
-    place: Int[Array, "h v k"]
+    at: Int[Array, "h v 2"]
+    around: Int[Array, "q"]
+    place: Int[Array, "q"]
     before: Int[Array, "p"]
     others: Int[Array, "p 3"]
     sides: int = struct.field(pytree_node=False)
+    degree: int = struct.field(pytree_node=False)
+
+    def of_corner(self, row: Int[Array, ""], corner: Int[Array, ""]) -> Int[Array, "2 k"]:
+        """Numbers of the faces at a corner, and its places in them; -1 where there are no more."""
+        start, count = self.at[row, corner]
+        k = jnp.arange(self.degree, dtype=jnp.int32)
+        found = jnp.stack(
+            [table[start + jnp.minimum(k, count - 1)] for table in (self.around, self.place)]
+        )
+        return jnp.where(k[None] < count, found, -1)
 
 
 @struct.dataclass

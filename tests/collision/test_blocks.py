@@ -2,10 +2,12 @@
 
 import jax
 import jax.numpy as jnp
+import mujoco
 import numpy as np
 import pytest
 
 import jaxsim
+from jaxsim.collision import detect, find_candidates
 from jaxsim.collision.blocks import BLOCK, close_pairs, contacts_in_blocks
 from jaxsim.collision.pairs.capsule import sphere_sphere
 from jaxsim.collision.shapes import INACTIVE, Shape
@@ -62,3 +64,32 @@ def test_derivatives_in_both_modes(pos):
         right, found = (jax.jit(mode(lambda x, b=b: cost(x, b)))(pos[1]) for b in (False, True))
         assert np.abs(right).max() > 0
         np.testing.assert_allclose(found, right, rtol=1e-5)
+
+
+def test_selected_contacts_with_a_mesh_are_those_of_mujoco(x64):
+    """Of more spheres beside an octahedron than there are slots and pairs of a block."""
+    around = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    balls = "".join(
+        f"""<body pos="{1.15 * np.cos(a)} {1.15 * np.sin(a)} {0.1 * np.sin(3 * a)}">
+        <freejoint/><geom size=".45"/></body>"""
+        for a in around
+    )
+    mj = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option><flag nativeccd="enable"/></option><asset><mesh name="octahedron"
+        vertex="1 0 0 -1 0 0 0 1 0 0 -1 0 0 0 1 0 0 -1"/></asset><default><geom contype="1"
+        conaffinity="0"/></default><worldbody><body><freejoint/><geom type="mesh" mesh="octahedron"
+        conaffinity="1" contype="0"/></body>{balls}</worldbody></mujoco>"""
+    )
+    mj.opt.ccd_iterations, mj.opt.ccd_tolerance = 500, 1e-15
+    data = mujoco.MjData(mj)
+    data.qpos[:3] = 0.1, 0, 0
+    mujoco.mj_forward(mj, data)
+    model = jaxsim.load(mj)
+    candidates = find_candidates(model, max_contacts=data.ncon + 1)
+    mat = data.geom_xmat.reshape(-1, 3, 3)
+    found = jax.jit(lambda *pose: detect(model, candidates, *pose))(data.geom_xpos, mat)
+    assert BLOCK / 2 < data.ncon < 12
+    assert found.overflow == 0
+    assert found.active.sum() == data.ncon
+    ours, theirs = np.asarray(found.dist[found.active]), data.contact.dist
+    np.testing.assert_allclose(np.sort(ours), np.sort(theirs), atol=1e-8)

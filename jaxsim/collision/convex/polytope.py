@@ -2,6 +2,7 @@
 
 import itertools
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -150,9 +151,9 @@ class Polytope(Solid):
     def feature(self, numbers):
         """See `Solid`."""
         numbers = jnp.sort(numbers)
-        around = self.faces.around[self.hull.row, numbers]
+        of_corner = jax.vmap(self.faces.of_corner, in_axes=(None, 0), out_axes=1)
+        around, (place, *_) = of_corner(self.hull.row, numbers)
         shared = (around[1:, None] == around[0][None, :, None]).any(axis=2).all(axis=0)
-        place = self.faces.place[self.hull.row, numbers[0]]
         before = self.faces.before[place]
         other = jnp.where(numbers[1] != numbers[0], numbers[1], numbers[2])
         extent = extent_of(numbers)
@@ -174,11 +175,11 @@ class Polytope(Solid):
           (4, 3) positions in order around the face, and (4,) which of them exist.
         """
         _, number = self.support(-d)
-        around = self.faces.around[self.hull.row, number]
+        around, places = self.faces.of_corner(self.hull.row, number)
         normals = self._unit_normals(self.faces.normal[self.hull.row, around])
         facing = one_hot(jnp.where(around >= 0, -(normals @ d), -jnp.inf))
         # A corner that hardly protrudes may be on no face: its place is -1.
-        place = pick(facing, self.faces.place[self.hull.row, number])
+        place = pick(facing, places)
         numbers = jnp.append(number, self.faces.others[place])
         exists = (numbers >= 0) & ((place >= 0) | (jnp.arange(4) == 0))
         return self.corner[numbers], exists
