@@ -28,7 +28,8 @@ def both_ways(pos):
     shapes = spheres(pos)
     take = lambda i: jax.tree.map(lambda x: x[jnp.asarray(i)], shapes)  # noqa: E731
     contacts = lambda ids: jax.vmap(sphere_sphere)(*map(take, ids))  # noqa: E731
-    close = close_pairs((SPHERE, SPHERE), *map(take, IDS), jnp.zeros(COUNT))
+    first, second = map(take, IDS)
+    close = close_pairs((SPHERE, SPHERE), first, second, jnp.zeros(COUNT))
     return contacts(IDS), contacts_in_blocks(contacts, IDS, close), close
 
 
