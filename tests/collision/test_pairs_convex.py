@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from oracle import quick_jit
 from pair_sizes import GENERAL, hulls, values
+from scipy.spatial.transform import Rotation
 
 from jaxsim.collision import PAIRS, Shape
 from jaxsim.collision.table import type_name
@@ -89,6 +90,23 @@ def test_distance_is_the_separation_along_the_normal(names, rng, two_geoms, cont
         near = normal + rng.normal(scale=1e-3, size=normal.shape)
         near /= np.linalg.norm(near, axis=1, keepdims=True)
         assert (along(near) <= dist + 1e-7)[exact].all()
+
+
+@pytest.mark.parametrize("name", ["sphere", "capsule", "ellipsoid", "cylinder"])
+def test_no_face_of_a_mesh_is_better_where_a_small_solid_is_inside(name, rng, two_geoms):
+    names = name, "mesh"
+    model = two_geoms(*names)
+    size, hull = model.geom_size * [[0.2], [1]], hulls(model)
+    quat = rng.normal(size=(N, 2, 4))
+    mat = Rotation.from_quat(quat.reshape(-1, 4)).as_matrix().reshape(N, 2, 3, 3)
+    pos = np.zeros((N, 2, 3))
+    pos[:, 0] = rng.uniform(-0.04, 0.04, (N, 3))
+    dist = np.asarray(values(names)(pos, mat, size, hull)[0]).min(axis=1)
+    assert dist.max() < 0
+    faces = hull[1].faces.normal[hull[1].row] / size[1]
+    faces /= np.linalg.norm(faces, axis=1, keepdims=True)
+    along = [separation(names, pos, mat, size, hull, -mat[:, 1] @ face) for face in faces]
+    assert (dist >= np.max(along, axis=0) - 1e-6).all()
 
 
 @pytest.mark.parametrize("names", GENERAL, ids="-".join)

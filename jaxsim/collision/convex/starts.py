@@ -1,12 +1,14 @@
 """Directions from which the search for the largest separation of two solids starts."""
 
+from collections.abc import Callable
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
-from jaxsim.collision.convex.solid import Planes
+from jaxsim.collision.convex.solid import Planes, Solid
 from jaxsim.collision.convex.solid_pair import SolidPair
 from jaxsim.collision.frames import direction
 from jaxsim.collision.spread import one_hot, pick
@@ -29,37 +31,54 @@ def axis_starts(solids: SolidPair) -> Float[Array, "16 3"]:
 
 
 def face_starts(solids: SolidPair) -> Float[Array, "n 3"] | None:
-    """Normals of the faces of two polytopes along which their separation is probably large.
+    """Normals of the faces of polytopes along which the separation is probably large.
 
     The separation along the normal of a face is the height above its plane of the other solid's
-    lowest corner. Of a large solid only some corners are tried.
+    lowest point. Of a large polytope only some corners are tried.
 
     Returns:
-      Directions from the first solid to the second; None if the solids do not have such faces.
+      Directions from the first solid to the second; None if neither has such faces.
     """
     first, second = solids.first, solids.second
-    if not (first.faceted and second.faceted):
-        return None
     found = []
-    if planes := first.planes():
-        corners = solids.centre[None] + second.some_corners() @ solids.rot.T
-        found.append(_lowest_penetrated(planes, corners))
-    if planes := second.planes():
-        corners = (first.some_corners() - solids.centre[None]) @ solids.rot
-        found.append(-_lowest_penetrated(planes, corners) @ solids.rot.T)
+    if first.faceted and (planes := first.planes()):
+        place = lambda x: solids.centre[None] + x @ solids.rot.T  # noqa: E731
+        found.append(_least_penetrated(planes, second, solids.rot, place))
+    if second.faceted and (planes := second.planes()):
+        place = lambda x: (x - solids.centre[None]) @ solids.rot  # noqa: E731
+        found.append(-_least_penetrated(planes, first, solids.rot.T, place) @ solids.rot.T)
     return jnp.concatenate(found) if found else None
 
 
-def _lowest_penetrated(planes: Planes, corners: Float[Array, "k 3"]) -> Float[Array, "c 3"]:
-    """Of each chunk of planes, the normal of the one that corners are least below."""
+def _least_penetrated(
+    planes: Planes,
+    other: Solid,
+    rot: Float[Array, "3 3"],
+    place: Callable[[Float[Array, "k 3"]], Float[Array, "k 3"]],
+) -> Float[Array, "c 3"]:
+    """Of each chunk of planes, the normal of the one that another solid is least below.
+
+    Args:
+      planes: planes of the faces of a polytope.
+      other: the other solid.
+      rot: its axes, as columns, in those of the polytope.
+      place: from its points to the same in the polytope's axes.
+    """
     # All of them: faces of a rounded hull differ by a few degrees, and have maxima of their own.
     number = len(planes.normal)
     tried = np.arange(-(-number // CHUNK) * CHUNK).clip(max=number - 1).reshape(-1, CHUNK)
     chunks = jax.tree.map(lambda x: x[tried], planes)
 
+    corners = place(other.some_corners()) if other.faceted else None
+
+    def lowest(normal):
+        if corners is not None:
+            return jnp.min(normal @ corners.T, axis=1)
+        reached, _ = jax.vmap(other.support)(-(normal @ rot))
+        return jnp.sum(normal * place(reached), axis=1)
+
     def best(chunk: Planes):
-        height = jnp.min(chunk.normal @ corners.T, axis=1) - chunk.offset
-        return pick(one_hot(height), chunk.normal)
+        return pick(one_hot(lowest(chunk.normal) - chunk.offset), chunk.normal)
 
     # One chunk after the other, for memory.
     return lax.map(best, chunks)
