@@ -30,7 +30,7 @@ def convex_pair(
         found = touch(solids, search(fixed))
         if count == 1:
             several = Manifold.of(found)
-        elif first.faceted and second.faceted:
+        elif first.clipped and second.faceted:
             several = face_contacts(solids, found)
         else:
             several = manifold(solids, found, count)

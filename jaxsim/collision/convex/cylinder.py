@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from jaxsim.collision.convex.solid import Facet, Solid
+from jaxsim.collision.convex.solid import Facet, Feature, Solid, extent_of
 from jaxsim.collision.frames import unit
 from jaxsim.collision.spread import COSINE, SINE
 
@@ -12,6 +12,8 @@ from jaxsim.collision.spread import COSINE, SINE
 LEVEL = 1e-7
 # Number of corners of the polygon that replaces a cap in face contacts, as in MuJoCo.
 SIDES = 16
+_AROUND = np.arange(SIDES) * (2 * np.pi / SIDES)
+_CIRCLE = np.stack([np.cos(_AROUND), np.sin(_AROUND)])
 
 
 class Cylinder(Solid):
@@ -19,6 +21,7 @@ class Cylinder(Solid):
 
     curved = True
     capped = True
+    clipped = True
     max_contacts = 4
 
     @property
@@ -64,6 +67,30 @@ class Cylinder(Solid):
         stands, lies = jnp.abs(n[2]) > COSINE, jnp.abs(n[2]) < SINE
         corners = jnp.where(stands, cap, jnp.where(lies, line, cap[:1]))
         return Facet(corners, jnp.where(stands, axis * upper, radial), stands)
+
+    def feature(self, numbers, n):
+        """A point of a rim, or the line between both, which are part of a cap; see `Solid`."""
+        extent = jnp.minimum(extent_of(jnp.sort(numbers)), 2)
+        side = jnp.where(jnp.where(extent > 1, n[2] >= 0, numbers[0] > 0), 1, -1).astype(n.dtype)
+        radial, _ = self._radial(n, unit(0, n))
+        cap = unit(2, n) * side
+        corner, height = radial * self.size[0], cap * self.size[1]
+        return Feature(
+            extent=extent,
+            number=jnp.where(side > 0, 0, 1)[None].astype(jnp.int32),
+            normal=cap[None],
+            holds=(extent == 1)[None],
+            corner=corner + height,
+            ends=(corner - height)[None],
+            along=jnp.ones(1, bool),
+        )
+
+    def ring(self, face):
+        """A regular polygon in place of a cap; see `Solid`."""
+        side = jnp.where(face == 0, 1, -1).astype(self.size.dtype)
+        x, y = jnp.asarray(_CIRCLE, self.size.dtype) * self.size[0]
+        height = jnp.broadcast_to(side * self.size[1], x.shape)
+        return jnp.stack([x, -side * y, height], axis=1), SIDES
 
     def _radial(self, d, fallback):
         across = d * jnp.array([1, 1, 0], d.dtype)

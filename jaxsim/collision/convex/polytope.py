@@ -29,6 +29,7 @@ class Box(Solid):
     """A box; bit k of a corner's number says whether it is on the upper side of axis k."""
 
     faceted = True
+    clipped = True
     max_contacts = 4
 
     @property
@@ -65,7 +66,7 @@ class Box(Solid):
         """See `Solid`."""
         return jnp.asarray(_CORNERS, self.size.dtype) * self.size[None]
 
-    def feature(self, numbers):
+    def feature(self, numbers, n):
         """See `Solid`."""
         numbers = jnp.sort(numbers)
         upper = ((numbers[:, None] >> jnp.arange(3, dtype=jnp.int32)[None]) & 1) > 0
@@ -94,6 +95,7 @@ class Polytope(Solid):
     """The convex hull of a mesh; the number of a corner is its index."""
 
     faceted = True
+    clipped = True
     max_contacts = 4
 
     def __init__(self, shape: Shape):
@@ -148,7 +150,7 @@ class Polytope(Solid):
         some = self.hull.corner if self.hull.some is None else self.hull.some
         return some * self.size[None]
 
-    def feature(self, numbers):
+    def feature(self, numbers, n):
         """See `Solid`."""
         numbers = jnp.sort(numbers)
         of_corner = jax.vmap(self.faces.of_corner, in_axes=(None, 0), out_axes=1)

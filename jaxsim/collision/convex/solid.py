@@ -78,12 +78,14 @@ class Solid:
       shape: the posed shape; the methods use its size, not its pose.
       curved: whether its surface has curvature.
       faceted: whether all its surface consists of flat faces with straight edges.
+      clipped: whether contacts of its faces are those of polygons, see `ring`.
       capped: whether it has flat faces with a curved border, orthogonal to its third axis.
       max_contacts: number of contacts that may be needed to support it: 4 for a face, 2 for a line.
     """
 
     curved = False
     faceted = False
+    clipped = False
     capped = False
     max_contacts = 1
 
@@ -130,12 +132,17 @@ class Solid:
         """Corners that are almost as far in every direction as all; only if faceted."""
         raise NotImplementedError
 
-    def feature(self, numbers: Int[Array, "3"]) -> Feature:
-        """The feature that three corners define, some of which may be equal; only if faceted."""
+    def feature(self, numbers: Int[Array, "3"], n: Float[Array, "3"]) -> Feature:
+        """The feature that three corners define, some of which may be equal; only if clipped.
+
+        Args:
+          numbers: of the corners.
+          n: outward unit normal of the contact.
+        """
         raise NotImplementedError
 
     def ring(self, face: Int[Array, ""]) -> tuple[Float[Array, "p 3"], Int[Array, ""] | int]:
-        """Corners of a face, clockwise seen from outside, and their number; only if faceted.
+        """Corners of a face, clockwise seen from outside, and their number; only if clipped.
 
         The last corner is repeated as padding.
         """
