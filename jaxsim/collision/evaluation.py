@@ -18,7 +18,7 @@ from jaxsim.collision.hulls import Hulls
 from jaxsim.collision.parameters import contact_reach
 from jaxsim.collision.sdf import SignedDistances
 from jaxsim.collision.shapes import Contacts, Shape
-from jaxsim.collision.table import BOX, HFIELD, MESH, PAIRS, PLANE, SDF
+from jaxsim.collision.table import BOX, CYLINDER, HFIELD, MESH, PAIRS, PLANE, SDF
 
 
 def contacts_of_groups(
@@ -109,7 +109,7 @@ def pair_contacts(
         )
 
     first, second = (take_shapes(shapes, i) for i in geoms)
-    if MESH in group.types and set(group.types) <= {BOX, MESH}:
+    if group.types[0] in (CYLINDER, BOX, MESH) and group.types[1] in (BOX, MESH):
         margin = contact_reach(model, *ids).astype(first.pos.dtype)
         first = first.replace(margin=lax.stop_gradient(margin))
     return jax.vmap(contacts)(*zip((first, second), rows, strict=True))

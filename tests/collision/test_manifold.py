@@ -55,7 +55,8 @@ def test_number_and_depth_are_mujocos(names, tilt, rng, two_geoms, contacts_of):
     mat, up = laid_on_each_other(rng, tilt)
     pos = pressed(names, mat, up, size, hull, rng)
     for dtype in np.float64, np.float32:
-        found = values(names)(pos.astype(dtype), mat.astype(dtype), size.astype(dtype), hull)
+        given = (x.astype(dtype) for x in (pos, mat, size))
+        found = values(names)(*given, hull, 0.03)
         dist, middle, _ = jax.device_get(found)
         for i in range(len(mat)):
             data = mujoco_data(model, contacts_of, pos[i], mat[i])
