@@ -109,7 +109,7 @@ def pair_contacts(
         )
 
     first, second = (take_shapes(shapes, i) for i in geoms)
-    if group.types[0] in (CYLINDER, BOX, MESH) and group.types[1] in (BOX, MESH):
+    if set(group.types) <= {CYLINDER, BOX, MESH}:
         margin = contact_reach(model, *ids).astype(first.pos.dtype)
         first = first.replace(margin=lax.stop_gradient(margin))
     return jax.vmap(contacts)(*zip((first, second), rows, strict=True))

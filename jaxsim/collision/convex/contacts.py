@@ -30,7 +30,7 @@ def convex_pair(
         found = touch(solids, search(fixed))
         if count == 1:
             several = Manifold.of(found)
-        elif first.clipped and second.faceted:
+        elif first.clipped and second.clipped:
             several = face_contacts(solids, found)
         else:
             several = manifold(solids, found, count)

@@ -69,7 +69,7 @@ class Cylinder(Solid):
         return Facet(corners, jnp.where(stands, axis * upper, radial), stands)
 
     def feature(self, numbers, n):
-        """A point of a rim, or the line between both, which are part of a cap; see `Solid`."""
+        """A point of a rim, which is part of a cap, or the line between both rims; see `Solid`."""
         extent = jnp.minimum(extent_of(jnp.sort(numbers)), 2)
         side = jnp.where(jnp.where(extent > 1, n[2] >= 0, numbers[0] > 0), 1, -1).astype(n.dtype)
         radial, _ = self._radial(n, unit(0, n))

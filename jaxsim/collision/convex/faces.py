@@ -86,7 +86,10 @@ def _meeting(first: Feature, second: Feature) -> _Meeting:
     allowed = first.holds[:, None] & second.holds[None]
     opposed, face1, face2 = _least(facing, allowed)
     faces = opposed < -OPPOSED
-    try_first = (first.extent < 3) & (first.extent <= second.extent)
+    # An edge is tried of the solid with the smaller feature, if the other has a face there: the side
+    # of a cylinder is no face.
+    smaller = first.extent <= second.extent
+    try_first = jnp.where(smaller, second.holds.any(), ~first.holds.any()) & (first.extent < 3)
     level1, face_of_edge1, edge1 = _first_level(first, second)
     level2, face_of_edge2, edge2 = _first_level(second, first)
     of_first = ~faces & try_first & level1
