@@ -36,6 +36,7 @@ BATCH = 1024
 RULES = {
     ("capsule", "capsule"),
     ("capsule", "box"),
+    *(("cylinder", b) for b in ("cylinder", "box", "mesh")),
     ("box", "box"),
     ("box", "mesh"),
     ("mesh", "mesh"),

@@ -54,9 +54,8 @@ class _Meeting:
 
 def face_contacts(solids: SolidPair, touch: Touch) -> Manifold:
     """The contacts of faces or edges that lie on each other, or else the one of `touch`."""
-    n = lax.stop_gradient(touch.normal)
-    first = solids.first.feature(touch.numbers[:, 0], n)
-    second = solids.second.feature(touch.numbers[:, 1], -(n @ lax.stop_gradient(solids.rot)))
+    first = solids.first.feature(touch.numbers[:, 0], touch.normal)
+    second = solids.second.feature(touch.numbers[:, 1], -(touch.normal @ solids.rot))
     second = _in_axes_of_first(solids, second)
     meeting = _meeting(first, second)
     ring1, _ = solids.first.ring(meeting.face1)
