@@ -67,7 +67,8 @@ def test_distance_is_the_separation_along_the_normal(names, rng, two_geoms, cont
     """No direction is better: neither any of a thousand, nor one close to the normal.
 
     Where flat solids overlap deeply the routine, like MuJoCo's, may end at the second best face.
-    Where faces or edges of polytopes and cylinders overlap, the normal is that of a face, as in MuJoCo.
+    Where faces or edges of polytopes and cylinders overlap, the normal is that of a face, as in
+    MuJoCo.
     """
     model = two_geoms(*names)
     shapes = model.geom_size, hulls(model)

@@ -85,8 +85,8 @@ def _meeting(first: Feature, second: Feature) -> _Meeting:
     allowed = first.holds[:, None] & second.holds[None]
     opposed, face1, face2 = _least(facing, allowed)
     faces = opposed < -OPPOSED
-    # An edge is tried of the solid with the smaller feature, if the other has a face there: the side
-    # of a cylinder is no face.
+    # An edge is tried of the solid with the smaller feature, if the other has a face there: the
+    # side of a cylinder is no face.
     smaller = first.extent <= second.extent
     try_first = jnp.where(smaller, second.holds.any(), ~first.holds.any()) & (first.extent < 3)
     level1, face_of_edge1, edge1 = _first_level(first, second)
