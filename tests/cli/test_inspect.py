@@ -4,8 +4,8 @@ from jaxsim.cli import main
 
 REFUSED = """
 <mujoco>
-  <worldbody><body><joint/><geom size=".1"/></body></worldbody>
-  <sensor><user name="mine" dim="1"/></sensor>
+  <worldbody><body><joint name="hinge"/><geom size=".1"/></body></worldbody>
+  <actuator><general name="mine" joint="hinge" dyntype="user"/></actuator>
 </mujoco>
 """
 
@@ -32,7 +32,7 @@ def test_refusals_are_listed(tmp_path, capsys):
     assert main(["inspect", str(file)]) == 1
     found = capsys.readouterr()
     assert "1 joint" in found.out
-    assert "sensor 'mine': type 'user' is not supported" in found.err
+    assert "actuator 'mine': dyntype 'user' is not supported" in found.err
 
 
 def test_a_file_that_is_no_model(tmp_path, capsys):

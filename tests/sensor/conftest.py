@@ -129,7 +129,13 @@ def sensor_elements() -> list[str]:
         ("com", "linvel", "angmom"), ("base", "arm", "wall", "rod")
     ):
         rows.append(f'<subtree{kind} body="{body}"/>')
-    rows += ["<e_potential/>", "<e_kinetic/>", "<clock/>", '<clock cutoff=".01"/>']
+    rows += [
+        "<e_potential/>",
+        "<e_kinetic/>",
+        "<clock/>",
+        '<clock cutoff=".01"/>',
+        '<user dim="3"/>',
+    ]
     return rows + frame_elements()
 
 
