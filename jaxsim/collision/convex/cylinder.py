@@ -55,8 +55,7 @@ class Cylinder(Solid):
         held = lax.stop_gradient(radial)
         sideways = jnp.cross(unit(2, n), held)
         upper = jnp.where(n[2] >= 0, 1, -1).astype(n.dtype)
-        around = np.arange(SIDES) * (2 * np.pi / SIDES)
-        circle = jnp.asarray(np.stack([np.cos(around), np.sin(around)]), n.dtype)
+        circle = jnp.asarray(_CIRCLE, n.dtype)
         # The first corner is the one furthest along n.
         turned = jnp.stack([circle[0], circle[1] * upper], axis=1)
         cap = self.size[0] * (turned @ jnp.stack([held, sideways]))

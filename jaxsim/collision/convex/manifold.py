@@ -64,7 +64,6 @@ def manifold(solids: SolidPair, touch: Touch, count: int) -> Manifold:
     level = -(first.normal @ second.normal) > COSINE
     weight = jnp.where(level | (weight > jnp.max(weight) - SAME), weight, 0)
     chosen, exists = spread(middle, dist, weight, normal, count)
-    exists = exists & (level | (jnp.arange(count) < 2))
     # The polygon that replaces a round cap is not quite as deep as the cap, and its corners do not
     # turn with the normal: correct the distance and its derivative.
     dist = dist + jnp.where(lies, touch.dist - deepest, 0)

@@ -48,16 +48,6 @@ class Box(Solid):
         upper = (vertex[1] >> jnp.arange(3, dtype=jnp.int32)) & 1
         return jnp.where(upper > 0, self.size, -self.size)
 
-    def facet(self, n):
-        """See `Solid`."""
-        across = one_hot(jnp.abs(n))
-        x, y, z = (jnp.roll(across, shift).astype(n.dtype) for shift in (1, 2, 0))
-        outward = jnp.where(n >= 0, 1, -1) * z
-        side = jnp.where(jnp.sum(outward) > 0, 1, -1).astype(n.dtype)
-        square = jnp.asarray(np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]), n.dtype)
-        corners = square @ jnp.stack([x, y * side]) + outward[None]
-        return Facet(corners * self.size[None], outward, flat=True)
-
     def planes(self):
         """See `Solid`."""
         return None

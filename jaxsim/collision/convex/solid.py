@@ -121,7 +121,7 @@ class Solid:
         return jnp.zeros_like(n)
 
     def facet(self, n: Float[Array, "3"]) -> Facet:
-        """The facet with outward normal closest to n; only for `max_contacts` > 1."""
+        """The facet with outward normal closest to n; only for manifolds (`manifold.py`)."""
         raise NotImplementedError
 
     def planes(self) -> Planes | None:
