@@ -47,16 +47,20 @@ def furthest_corners(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     everything = np.arange(len(corners))
     if len(corners) <= FEW:
         return np.tile([0, len(corners)], (CELLS, 1)), everything
-    found, side = [everything] * 6, 1
+    numbers, count, side = np.tile(everything, 6), np.full(6, len(corners)), 1
     while True:
-        borders = _borders(side)
-        found = [n[_not_behind(corners[n] @ b.T)] for n, b in zip(found, borders, strict=True)]
+        borders = np.repeat(_borders(side), count, axis=0)
+        kept = _not_behind(np.einsum("nk,njk->nj", corners[numbers], borders), count)
+        count = np.add.reduceat(kept, np.cumsum(count) - count, dtype=int)
+        numbers, start = numbers[kept], np.cumsum(count) - count
         if side == SIDE:
-            break
-        quarters = np.arange(len(found)).reshape(6, side, side).repeat(2, axis=1).repeat(2, axis=2)
-        found, side = [found[k] for k in quarters.ravel()], 2 * side
-    count = np.array([len(n) for n in found])
-    return np.stack([np.cumsum(count) - count, count], axis=1), np.concatenate(found)
+            return np.stack([start, count], axis=1), numbers
+        # Each cell has four parts, which start with its corners.
+        whole = np.arange(len(count)).reshape(6, side, side).repeat(2, axis=1).repeat(2, axis=2)
+        start, count, side = start[whole.ravel()], count[whole.ravel()], 2 * side
+        numbers = numbers[
+            np.repeat(start - (np.cumsum(count) - count), count) + np.arange(count.sum())
+        ]
 
 
 @functools.cache
@@ -75,9 +79,20 @@ def _borders(side: int) -> np.ndarray:
     return np.concatenate(faces)
 
 
-def _not_behind(height: np.ndarray) -> np.ndarray:
-    """Rows of (v, 4) heights that are not below one of some rows in all columns."""
-    best = height[np.append(height.argmax(axis=0), height.sum(axis=1).argmax())]
-    slack = SLACK * np.abs(height).max()
-    behind = (height[:, None] < best[None] - slack).all(axis=2).any(axis=1)
-    return np.flatnonzero(~behind)
+def _not_behind(height: np.ndarray, count: np.ndarray) -> np.ndarray:
+    """Which rows of heights are not below one of some rows of the same cell in all columns.
+
+    Args:
+      height: (n, 4) heights of the corners of the first cell, then of the second, and so on.
+      count: (cells,) number of corners of each cell, at least one.
+    """
+    start = np.cumsum(count) - count
+    cell = np.repeat(np.arange(len(count)), count)
+    slack = SLACK * np.maximum.reduceat(np.abs(height).max(axis=1), start)
+    behind = np.zeros(len(height), bool)
+    for measure in (*height.T, height.sum(axis=1)):
+        (highest,) = np.nonzero(measure == np.maximum.reduceat(measure, start)[cell])
+        _, first = np.unique(cell[highest], return_index=True)
+        best = height[highest[first]] - slack[:, None]
+        behind |= (height < best[cell]).all(axis=1)
+    return ~behind

@@ -67,16 +67,9 @@ class _Tables:
 
     def __init__(self, model: Any):
         first = model.hull_ring[model.hull_face[..., 0]]
-        exists = model.hull_around >= 0
-        count = exists.sum(axis=2)
-        start = np.cumsum(count).reshape(count.shape) - count
-        names = ("corner", "normal", "face", "ring", "before", "others", "cell", "near")
-        self._tables = {name: getattr(model, f"hull_{name}") for name in names} | {
-            "offset": np.sum(model.hull_normal * first, axis=-1),
-            "at": np.stack([start, count], axis=2),
-            "around": model.hull_around[exists],
-            "place": model.hull_place[exists],
-        }
+        names = "corner normal face ring at around place before others cell near".split()
+        self._tables = {name: getattr(model, f"hull_{name}") for name in names}
+        self._tables["offset"] = np.sum(model.hull_normal * first, axis=-1)
         self._arrays: dict[Any, Array] = {}
 
     def array(self, name: str, dtype, columns: int | None = None) -> Array:

@@ -51,8 +51,8 @@ def hull_tables(mj: mujoco.MjModel, label: Label) -> dict[str, np.ndarray]:
         faces at a corner and of corners for a cell of directions; the arrays below are padded to
         the largest.
       `hull_corner` (n, v, 3): see `jaxsim.collision.Hull`.
-      `hull_normal` (n, f, 3), `hull_face` (n, f, 2), `hull_ring` (r, 3), `hull_around` (n, v, k),
-        `hull_place` (n, v, k), `hull_before` (p,), `hull_others` (p, 3): see
+      `hull_normal` (n, f, 3), `hull_face` (n, f, 2), `hull_ring` (r, 3), `hull_at` (n, v, 2),
+        `hull_around` (p,), `hull_place` (p,), `hull_before` (p,), `hull_others` (p, 3): see
         `jaxsim.collision.HullFaces`.
       `hull_cell` (n, cells, 2), `hull_near` (r,): see `jaxsim.collision.Hull`.
     """
@@ -67,14 +67,11 @@ def hull_tables(mj: mujoco.MjModel, label: Label) -> dict[str, np.ndarray]:
     size = [(*h.size, cell[:, 1].max()) for h, (cell, _) in zip(hulls, near, strict=True)]
     size = np.array(size, int).reshape(-1, 5)
     _warn_of_many_corners(size, [label("geom", int(geom)) for geom in geoms[first]])
-    degree = int(size[:, 3].max(initial=1))
-    offset = np.cumsum([0, *(len(np.concatenate(h.rings)) for h in hulls)])
-    around = [h.around(degree, start) for h, start in zip(hulls, offset[:-1], strict=True)]
-    sides = [h.sides for h in hulls]
-    offset = np.cumsum([0, *(len(corners) for corners, _ in sides)])
-    faces = [f + np.array([start, 0]) for (_, f), start in zip(sides, offset[:-1], strict=True)]
-    offset = np.cumsum([0, *(len(numbers) for _, numbers in near)])
-    cells = [c + np.array([start, 0]) for (c, _), start in zip(near, offset[:-1], strict=True)]
+    sides, flat = [h.sides for h in hulls], [h.around for h in hulls]
+    faces = _following([f for _, f in sides], [len(corners) for corners, _ in sides])
+    cells = _following([c for c, _ in near], [len(numbers) for _, numbers in near])
+    at = _following([h.at for h in hulls], [len(h.ring) for h in hulls])
+    start = np.cumsum([0, *(len(h.ring) for h in hulls)])
     return {
         "geom_hull": geom_hull,
         "hull_size": size,
@@ -82,87 +79,104 @@ def hull_tables(mj: mujoco.MjModel, label: Label) -> dict[str, np.ndarray]:
         "hull_normal": _table([h.normals for h in hulls], (3,)),
         "hull_face": _table(faces, (2,)),
         "hull_ring": np.concatenate([np.zeros((0, 3)), *(corners for corners, _ in sides)]),
-        "hull_around": _table([faces for faces, _ in around], (degree,)),
-        "hull_place": _table([place for _, place in around], (degree,)),
-        "hull_before": np.concatenate([np.zeros(0, int), *(h.before for h in hulls)]),
+        "hull_at": _table(at, (2,)),
+        "hull_around": _joined([faces for faces, _ in flat]),
+        "hull_place": _joined([p + n for (_, p), n in zip(flat, start, strict=False)]),
+        "hull_before": _joined([h.before for h in hulls]),
         "hull_others": np.concatenate([np.zeros((0, 3), int), *(h.others for h in hulls)]),
         "hull_cell": _table(cells, (2,)),
-        "hull_near": np.concatenate([np.zeros(0, int), *(numbers for _, numbers in near)]),
+        "hull_near": _joined([numbers for _, numbers in near]),
     }
 
 
 @dataclasses.dataclass(frozen=True)
 class _Hull:
-    """A hull: corners (v, 3), normals of its faces (f, 3), and the corners around each of them.
+    """A hull: its corners (v, 3), and the normals of its faces (f, 3).
 
-    Corners are counterclockwise seen from outside.
+    `ring` (p,) has the numbers of the corners around the first face, then the second, and so on,
+    counterclockwise seen from outside; `count` (f,) has how many each face has. A place is an index
+    into `ring`.
     """
 
     corners: np.ndarray
     normals: np.ndarray
-    rings: list[np.ndarray]
+    ring: np.ndarray
+    count: np.ndarray
+
+    @property
+    def start(self) -> np.ndarray:
+        """(f,) first place of each face."""
+        return np.cumsum(self.count) - self.count
 
     @property
     def size(self) -> tuple[int, int, int, int]:
         """Numbers of corners and faces, largest of a face's corners and of a corner's faces."""
-        degree = np.bincount(np.concatenate(self.rings))
-        longest = max(map(len, self.rings))
-        return len(self.corners), len(self.normals), min(longest, MAX_SIDES), int(degree.max())
+        longest = min(self.count.max(), MAX_SIDES)
+        return len(self.corners), len(self.normals), longest, np.bincount(self.ring).max()
 
     @property
     def sides(self) -> tuple[np.ndarray, np.ndarray]:
         """Corners of all rings, simplified, and (f, 2) where each ring starts and its length."""
-        rings = [_simplified(self.corners[ring]) for ring in self.rings]
-        counts = np.array([len(r) for r in rings])
-        return np.concatenate(rings), np.stack([np.cumsum(counts) - counts, counts], axis=1)
+        corners, count = self.corners[self.ring], self.count
+        if count.max() > MAX_SIDES:
+            rings = [_simplified(ring) for ring in np.split(corners, self.start[1:])]
+            corners, count = np.concatenate(rings), np.array([len(r) for r in rings])
+        return corners, np.stack([np.cumsum(count) - count, count], axis=1)
 
     @property
     def before(self) -> np.ndarray:
-        """Number of the corner before each place of the rings."""
-        return np.concatenate([np.roll(ring, 1) for ring in self.rings])
+        """Number of the corner before each place."""
+        before = np.roll(self.ring, 1)
+        before[self.start] = self.ring[self.start + self.count - 1]
+        return before
 
     @property
     def others(self) -> np.ndarray:
         """(p, 3) corners that make a large quadrilateral with each place; -1 if there are none."""
-        found = []
-        for ring in self.rings:
-            three = widest_with(self.corners[ring])
-            found.append(np.where(three >= 0, ring[three], -1))
-        return np.concatenate(found)
+        found = np.zeros((len(self.ring), 3), int)
+        for count in np.unique(self.count):
+            places = self.start[self.count == count, None] + np.arange(count)
+            rings = self.ring[places]
+            three = widest_with(self.corners[rings])
+            of_ring = np.arange(len(rings))[:, None, None]
+            found[places] = np.where(three >= 0, rings[of_ring, three], -1)
+        return found
 
-    def around(self, degree: int, start: int) -> tuple[np.ndarray, np.ndarray]:
-        """Faces at each corner, and its place in their rings, padded by -1: (v, degree)."""
-        faces, places = (np.full((len(self.corners), degree), -1) for _ in range(2))
-        filled = np.zeros(len(self.corners), int)
-        for face, ring in enumerate(self.rings):
-            faces[ring, filled[ring]] = face
-            places[ring, filled[ring]] = start + np.arange(len(ring))
-            filled[ring] += 1
-            start += len(ring)
-        return faces, places
+    @property
+    def at(self) -> np.ndarray:
+        """(v, 2) where each corner's faces start in `around`, and their number."""
+        count = np.bincount(self.ring, minlength=len(self.corners))
+        return np.stack([np.cumsum(count) - count, count], axis=1)
+
+    @property
+    def around(self) -> tuple[np.ndarray, np.ndarray]:
+        """Faces at the first corner, ascending, then at the second, and so on, and its places."""
+        places = np.argsort(self.ring, kind="stable")
+        return np.repeat(np.arange(len(self.count)), self.count)[places], places
 
 
 def widest_with(corners: np.ndarray) -> np.ndarray:
-    """For each corner of a polygon, three others that make a large quadrilateral with it.
+    """For each corner of some polygons, three others that make a large quadrilateral with it.
 
     Three corners that follow it move forward while that makes the area larger, as in MuJoCo. Ratios
     of areas in a plane, and so the result, do not depend on the scale of the axes.
 
     Args:
-      corners: (n, 3) corners in order around the polygon.
+      corners: (r, n, 3) corners in order around each polygon.
 
     Returns:
-      (n, 3) numbers of corners in this order; -1 in the third column for a triangle.
+      (r, n, 3) numbers of corners in this order; -1 in the third column for triangles.
     """
-    count = len(corners)
+    polygons, count = corners.shape[:2]
     first = np.arange(count)
-    at = (first + np.arange(1, 4)[:, None]) % count
+    at = np.repeat((first + np.arange(1, 4)[:, None])[:, None] % count, polygons, axis=1)
     if count <= 4:
-        return np.where(np.arange(1, 4) < count, at.T, -1)
+        return np.where(np.arange(1, 4) < count, np.moveaxis(at, 0, 2), -1)
+    row = np.arange(polygons)[:, None]
 
     def area(b, c, d):
-        across = np.cross(corners[c] - corners[first], corners[d] - corners[b])
-        return np.linalg.norm(across, axis=1)
+        across = np.cross(corners[row, c] - corners, corners[row, d] - corners[row, b])
+        return np.linalg.norm(across, axis=2)
 
     def advance(which, trying):
         """Move one of the three, where that makes the area larger."""
@@ -174,13 +188,13 @@ def widest_with(corners: np.ndarray) -> np.ndarray:
         return larger
 
     largest = area(*at)
-    going = np.ones(count, bool)
+    going = np.ones((polygons, count), bool)
     while (going := advance(2, going)).any():
         for which in (1, 0):
             moving = going
             while (moving := advance(which, moving)).any():
                 pass
-    return at.T
+    return np.moveaxis(at, 0, 2)
 
 
 def _geoms(mj: mujoco.MjModel) -> np.ndarray:
@@ -195,35 +209,45 @@ def _hull(mj: mujoco.MjModel, mesh: int, geom: int) -> _Hull:
     start, size = mj.mesh_vertadr[mesh], mj.geom_size[geom]
     vertices = mj.mesh_vert[start : start + mj.mesh_vertnum[mesh]] / size
     polygons = mj.mesh_polyadr[mesh] + np.arange(mj.mesh_polynum[mesh])
-    starts = mj.mesh_polyvertadr[polygons]
-    rings = [
-        mj.mesh_polyvert[start : start + count]
-        for start, count in zip(starts, mj.mesh_polyvertnum[polygons], strict=True)
-    ]
+    count = mj.mesh_polyvertnum[polygons]
+    skipped = mj.mesh_polyvertadr[polygons] - (np.cumsum(count) - count)
+    ring = mj.mesh_polyvert[np.repeat(skipped, count) + np.arange(count.sum())]
     # Dividing corners by the size multiplies the normals of planes with it.
     normals = mj.mesh_polynormal[polygons] * size
-    on_faces = np.unique(np.concatenate(rings))
-    kept = np.concatenate([on_faces, _protruding(mj, mesh, vertices, on_faces, normals)])
+    on_faces = np.unique(ring)
+    others = np.setdiff1d(_of_graph(mj, mesh), on_faces)
+    on_own = vertices[ring[np.cumsum(count) - 1]]
+    above = _protruding(vertices[others], vertices[on_faces], normals, on_own)
+    kept = np.concatenate([on_faces, others[above]])
     number = np.full(len(vertices), -1)
     number[kept] = np.arange(len(kept))
-    return _Hull(vertices[kept], normals, [number[r] for r in rings])
+    return _Hull(vertices[kept], normals, number[ring], count)
+
+
+def _of_graph(mj: mujoco.MjModel, mesh: int) -> np.ndarray:
+    """The vertices of a mesh that are corners of its hull before faces are merged."""
+    start = mj.mesh_graphadr[mesh]
+    count = mj.mesh_graph[start] if start >= 0 else 0
+    return mj.mesh_graph[start + 2 + count : start + 2 + 2 * count]
 
 
 def _protruding(
-    mj: mujoco.MjModel,
-    mesh: int,
-    vertices: np.ndarray,
-    on_faces: np.ndarray,
-    normals: np.ndarray,
+    points: np.ndarray, corners: np.ndarray, normals: np.ndarray, on_faces: np.ndarray
 ) -> np.ndarray:
-    """Vertices of the hull's graph that are on no face and above the plane of one."""
-    start = mj.mesh_graphadr[mesh]
-    count = mj.mesh_graph[start] if start >= 0 else 0
-    graph = mj.mesh_graph[start + 2 + count : start + 2 + 2 * count]
-    others = np.setdiff1d(graph, on_faces)
+    """Which points are higher than all corners above one of some faces.
+
+    Args:
+      points: (n, 3) points.
+      corners: (v, 3) corners of all faces.
+      normals: (f, 3) normals of the faces, of any length.
+      on_faces: (f, 3) a corner of each.
+    """
     unit = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-    height = (vertices[others] @ unit.T) - np.max(vertices[on_faces] @ unit.T, axis=0)
-    return others[np.any(height > PROTRUDES, axis=1)]
+    height = points @ unit.T
+    # Of most faces, all points are below a corner of their own.
+    some = np.any(height - np.sum(unit * on_faces, axis=1) > PROTRUDES, axis=0)
+    highest = np.max(corners @ unit[some].T, axis=0)
+    return np.any(height[:, some] - highest > PROTRUDES, axis=1)
 
 
 def _warn_of_many_corners(size: np.ndarray, labels: list[str]) -> None:
@@ -253,3 +277,13 @@ def _table(parts: list[np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
     count = max((len(p) for p in parts), default=0)
     rows = [_padded(p, count, p[:1]) for p in parts]
     return np.array(rows).reshape(len(parts), count, *shape)
+
+
+def _joined(parts: list[np.ndarray]) -> np.ndarray:
+    return np.concatenate([np.zeros(0, int), *parts])
+
+
+def _following(parts: list[np.ndarray], lengths: list[int]) -> list[np.ndarray]:
+    """Rows of where something starts and its number, for lists that are put behind each other."""
+    starts = np.cumsum([0, *lengths])
+    return [part + np.array([start, 0]) for part, start in zip(parts, starts, strict=False)]

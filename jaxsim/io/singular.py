@@ -54,8 +54,11 @@ def _mass_matrix(mj: mujoco.MjModel) -> np.ndarray:
         matrix += _compiled(mj, data) - _compiled(bare, data)
     for b in np.nonzero(mj.body_mass)[0]:
         mujoco.mj_jacBodyCom(mj, data, moving, turning, b)
-        turned = data.ximat[b].reshape(3, 3).T @ turning
-        matrix += mj.body_mass[b] * moving.T @ moving + turned.T * mj.body_inertia[b] @ turned
+        # The joints that move this body, of which there are few.
+        (dofs,) = np.nonzero(moving.any(axis=0) | turning.any(axis=0))
+        moved, turned = moving[:, dofs], data.ximat[b].reshape(3, 3).T @ turning[:, dofs]
+        inertia = mj.body_mass[b] * moved.T @ moved + turned.T * mj.body_inertia[b] @ turned
+        matrix[np.ix_(dofs, dofs)] += inertia
     np.fill_diagonal(matrix, diagonal)
     return matrix
 

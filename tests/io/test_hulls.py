@@ -36,9 +36,9 @@ def test_a_corner_knows_its_faces_and_edges():
     model = jaxsim.load(scene('type="mesh" mesh="cube"'))
     corners, faces = model.hull_corner[0], faces_of(model)
     assert model.hull_size.tolist() == [[8, 6, 4, 3, 8]]
-    for k, (around, places) in enumerate(
-        zip(model.hull_around[0], model.hull_place[0], strict=True)
-    ):
+    for k, (start, count) in enumerate(model.hull_at[0]):
+        around, places = (x[start : start + count] for x in (model.hull_around, model.hull_place))
+        assert count == 3
         assert (np.diff(around) > 0).all()
         for face, place in zip(around, places, strict=True):
             ring = np.roll(faces[face], -faces[face].tolist().index(corners[k].tolist()), axis=0)
