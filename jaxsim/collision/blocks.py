@@ -18,7 +18,7 @@ from jaxsim.arrays.indexing import Index
 from jaxsim.batching.primitives.decisions import any_in_batch
 from jaxsim.collision.bounds import distance_bound
 from jaxsim.collision.selection import set_indices
-from jaxsim.collision.shapes import INACTIVE, Contacts, Shape
+from jaxsim.collision.shapes import Contacts, Shape
 
 # Number of pairs whose contacts are computed at a time.
 BLOCK = 8
@@ -35,6 +35,7 @@ def close_pairs(
 
 def contacts_in_blocks(
     contacts: Callable[[Sequence[Int[Array, "b"]]], Contacts],
+    none: Contacts,
     ids: Sequence[Index],
     close: Bool[Array, "n"],
 ) -> Contacts:
@@ -42,6 +43,7 @@ def contacts_in_blocks(
 
     Args:
       contacts: from arrays of ids of some pairs to their contacts.
+      none: contacts of one pair that has none.
       ids: ids of all pairs.
       close: which of them are close.
     """
@@ -53,28 +55,15 @@ def contacts_in_blocks(
 
     def of_block(_, block):
         wanted, *own = block
-        nothing = _nothing(jax.eval_shape(contacts, own))
-        return None, lax.cond(any_in_batch(wanted), lambda: contacts(own), lambda: nothing)
+        nothing = lambda: jax.tree.map(lambda x: jnp.stack([x] * BLOCK), none)  # noqa: E731
+        return None, lax.cond(any_in_batch(wanted), lambda: contacts(own), nothing)
 
     _, found = lax.scan(of_block, None, (wanted, *block_ids))
     found = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), found)
     place = jnp.maximum(jnp.cumsum(close) - 1, 0)
-    nothing = _nothing(jax.eval_shape(lambda: jax.tree.map(lambda x: x[:count], found)))
 
     def placed(some, none):
         mask = close.reshape(-1, *(1,) * (some.ndim - 1))
-        return jnp.where(mask, some[place], none)
+        return jnp.where(mask, some[place], none[None])
 
-    return jax.tree.map(placed, found, nothing)
-
-
-def _nothing(like: Contacts) -> Contacts:
-    """Contacts of given shapes that are all inactive."""
-
-    def axis(x, k):
-        return jnp.broadcast_to(jnp.asarray(np.eye(3)[k], x.dtype), x.shape)
-
-    dist = jnp.full(like.dist.shape, INACTIVE, like.dist.dtype)
-    pos = jnp.zeros(like.pos.shape, like.pos.dtype)
-    others = None if like.others is None else jnp.full_like(like.others, INACTIVE)
-    return Contacts(dist, pos, axis(like.normal, 0), axis(like.tangent, 1), others)
+    return jax.tree.map(placed, found, none)

@@ -30,8 +30,7 @@ def contacts_of_groups(
 ) -> list[Contacts]:
     """The contacts of some pairs of each group.
 
-    Groups of meshes that differ only in kind are evaluated together, because the programs of these
-    pairs are large.
+    Groups whose programs are large are evaluated together if they differ only in kind.
 
     Args:
       model: the model.
@@ -43,7 +42,7 @@ def contacts_of_groups(
     """
     together: dict[Any, list[int]] = {}
     for k, group in enumerate(groups):
-        together.setdefault(group.types if _has_hulls(group) else k, []).append(k)
+        together.setdefault(group.types if PAIRS[group.types].large else k, []).append(k)
     found = {}
     for members in together.values():
         group = _union([groups[k] for k in members])
@@ -68,9 +67,13 @@ def _in_blocks(
     model: Any, group: PairGroup, shapes: Shape, ids: Sequence[Index], reach: Float[Array, "n"]
 ) -> Contacts:
     """The contacts of the pairs that may have some within reach."""
-    contacts = functools.partial(pair_contacts, model, PAIRS[group.types].function, group, shapes)
+    pair = PAIRS[group.types]
+    contacts = functools.partial(pair_contacts, model, pair.function, group, shapes)
     first, second = (take_shapes(shapes, i) for i in ids[:2])
-    return contacts_in_blocks(contacts, ids, close_pairs(group.types, first, second, reach))
+    close = close_pairs(group.types, first, second, reach)
+    return contacts_in_blocks(
+        contacts, Contacts.none(pair.max_contacts, shapes.pos.dtype), ids, close
+    )
 
 
 def _has_hulls(group: PairGroup) -> bool:

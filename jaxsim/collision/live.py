@@ -21,7 +21,7 @@ from jaxsim.collision.bounds import distance_bound
 from jaxsim.collision.candidates import PairGroup
 from jaxsim.collision.evaluation import pair_contacts, take_shapes
 from jaxsim.collision.selection import WORD, for_each_set
-from jaxsim.collision.shapes import INACTIVE, Contacts, Shape
+from jaxsim.collision.shapes import Contacts, Shape
 from jaxsim.collision.table import PAIRS
 
 
@@ -99,12 +99,9 @@ def _of_group(model: Any, group: PairGroup, shapes: Shape, reach, first: int, fo
 
 
 def _nothing(count: int, dtype) -> Found:
-    def axis(k):
-        return jnp.broadcast_to(jnp.asarray(np.eye(3)[k], dtype)[None], (count, 3))
-
-    far, zero = jnp.full(count, INACTIVE, dtype), jnp.zeros((), jnp.int32)
-    none = Contacts(far, jnp.zeros((count, 3), dtype), normal=axis(0), tangent=axis(1))
-    return Found(none, far, jnp.zeros(count, jnp.int32), zero, zero)
+    none, zero = Contacts.none(count, dtype), jnp.zeros((), jnp.int32)
+    none = jax.tree.map(lambda x: jnp.broadcast_to(x, (count, *x.shape[1:])), none)
+    return Found(none, none.dist, jnp.zeros(count, jnp.int32), zero, zero)
 
 
 def _with_contacts(found: Found, contacts: Contacts, pair, reach) -> Found:

@@ -208,6 +208,13 @@ class Contacts:
     tangent: Float[Array, "#k 3"]
     others: Float[Array, "m"] | None = None
 
+    @classmethod
+    def none(cls, count: int, dtype) -> "Contacts":
+        """Empty slots."""
+        x, y, _ = jnp.eye(3, dtype=dtype)
+        dist, pos = jnp.full(count, INACTIVE, dtype), jnp.zeros((count, 3), dtype)
+        return cls(dist, pos, normal=x[None], tangent=y[None])
+
     @property
     def frame(self) -> Float[Array, "k 3 3"]:
         """Contact frames; rows are the normal and two tangents."""

@@ -16,6 +16,7 @@ from jaxsim.collision.convex import (
     Point,
     Polytope,
     Segment,
+    Solid,
     convex_pair,
 )
 from jaxsim.collision.pairs.box import capsule_box, sphere_box
@@ -52,10 +53,21 @@ SDF = int(mujoco.mjtGeom.mjGEOM_SDF)
 
 @dataclasses.dataclass(frozen=True)
 class PairFunction:
-    """A function of two shapes and the number of contact slots that it fills."""
+    """A function of two shapes and the number of contact slots that it fills.
+
+    Attributes:
+      function: the function.
+      max_contacts: number of slots.
+      large: whether its program is so large that it should be in a program once.
+    """
 
     function: Callable[[Shape, Shape], Contacts]
     max_contacts: int
+    large: bool = False
+
+
+def _convex(first: type[Solid], second: type[Solid]) -> PairFunction:
+    return PairFunction(*convex_pair(first, second), large=True)
 
 
 PAIRS: dict[tuple[int, int], PairFunction] = {
@@ -64,7 +76,7 @@ PAIRS: dict[tuple[int, int], PairFunction] = {
     (PLANE, ELLIPSOID): PairFunction(plane_ellipsoid, 1),
     (PLANE, CYLINDER): PairFunction(plane_cylinder, 4),
     (PLANE, BOX): PairFunction(plane_box, 4),
-    (PLANE, MESH): PairFunction(plane_mesh, 4),
+    (PLANE, MESH): PairFunction(plane_mesh, 4, large=True),
     (HFIELD, SPHERE): PairFunction(height_field_sphere, MAX_CONTACTS),
     (HFIELD, CAPSULE): PairFunction(*height_field_pair(Segment)),
     (HFIELD, ELLIPSOID): PairFunction(*height_field_pair(Ellipsoid)),
@@ -77,21 +89,21 @@ PAIRS: dict[tuple[int, int], PairFunction] = {
     (SPHERE, BOX): PairFunction(sphere_box, 1),
     (CAPSULE, CAPSULE): PairFunction(capsule_capsule, 2),
     (CAPSULE, BOX): PairFunction(capsule_box, 2),
-    (BOX, BOX): PairFunction(box_box, 8),
-    (SPHERE, ELLIPSOID): PairFunction(*convex_pair(Point, Ellipsoid)),
-    (SPHERE, MESH): PairFunction(*convex_pair(Point, Polytope)),
-    (CAPSULE, ELLIPSOID): PairFunction(*convex_pair(Segment, Ellipsoid)),
-    (CAPSULE, CYLINDER): PairFunction(*convex_pair(Segment, Cylinder)),
-    (CAPSULE, MESH): PairFunction(*convex_pair(Segment, Polytope)),
-    (ELLIPSOID, ELLIPSOID): PairFunction(*convex_pair(Ellipsoid, Ellipsoid)),
-    (ELLIPSOID, CYLINDER): PairFunction(*convex_pair(Ellipsoid, Cylinder)),
-    (ELLIPSOID, BOX): PairFunction(*convex_pair(Ellipsoid, Box)),
-    (ELLIPSOID, MESH): PairFunction(*convex_pair(Ellipsoid, Polytope)),
-    (CYLINDER, CYLINDER): PairFunction(*convex_pair(Cylinder, Cylinder)),
-    (CYLINDER, BOX): PairFunction(*convex_pair(Cylinder, Box)),
-    (CYLINDER, MESH): PairFunction(*convex_pair(Cylinder, Polytope)),
-    (BOX, MESH): PairFunction(*convex_pair(Box, Polytope)),
-    (MESH, MESH): PairFunction(*convex_pair(Polytope, Polytope)),
+    (BOX, BOX): PairFunction(box_box, 8, large=True),
+    (SPHERE, ELLIPSOID): _convex(Point, Ellipsoid),
+    (SPHERE, MESH): _convex(Point, Polytope),
+    (CAPSULE, ELLIPSOID): _convex(Segment, Ellipsoid),
+    (CAPSULE, CYLINDER): _convex(Segment, Cylinder),
+    (CAPSULE, MESH): _convex(Segment, Polytope),
+    (ELLIPSOID, ELLIPSOID): _convex(Ellipsoid, Ellipsoid),
+    (ELLIPSOID, CYLINDER): _convex(Ellipsoid, Cylinder),
+    (ELLIPSOID, BOX): _convex(Ellipsoid, Box),
+    (ELLIPSOID, MESH): _convex(Ellipsoid, Polytope),
+    (CYLINDER, CYLINDER): _convex(Cylinder, Cylinder),
+    (CYLINDER, BOX): _convex(Cylinder, Box),
+    (CYLINDER, MESH): _convex(Cylinder, Polytope),
+    (BOX, MESH): _convex(Box, Polytope),
+    (MESH, MESH): _convex(Polytope, Polytope),
     (PLANE, SDF): PairFunction(*sdf_pair(body.plane)),
     (SPHERE, SDF): PairFunction(*sdf_pair(body.sphere)),
     (CAPSULE, SDF): PairFunction(*sdf_pair(body.capsule)),

@@ -7,8 +7,9 @@ import numpy as np
 from oracle import quick_jit
 
 import jaxsim
-from jaxsim.collision import PAIRS, Contacts, PairFunction
+from jaxsim.collision import PAIRS, Contacts, PairFunction, detect, model_candidates
 from jaxsim.collision.frames import tangent_of
+from jaxsim.collision.pairs.capsule import sphere_sphere
 from jaxsim.collision.table import SPHERE
 
 HFIELD = int(mujoco.mjtGeom.mjGEOM_HFIELD)
@@ -38,3 +39,29 @@ def test_a_ball_touches_both_sides_of_a_valley(monkeypatch):
     # Both push against gravity, and not sideways.
     np.testing.assert_allclose(result.qacc[:2], 0, atol=1e-4)
     assert result.qacc[2] > -9.0
+
+
+def test_a_large_program_is_once_in_a_program_of_several_kinds(monkeypatch):
+    """Spheres in a row with different condims have the same contacts."""
+    traced = []
+
+    def counted(first, second):
+        traced.append(1)
+        return sphere_sphere(first, second)
+
+    row = "".join(
+        f'<body pos="{x} 0 0"><freejoint/><geom size=".11" condim="{dim}"/></body>'
+        for x, dim in ((0, 1), (0.2, 3), (0.41, 4), (0.63, 6))
+    )
+    model = jaxsim.load(f"<mujoco><worldbody>{row}</worldbody></mujoco>")
+    found = []
+    for large in (False, True):
+        traced.clear()
+        monkeypatch.setitem(PAIRS, (SPHERE, SPHERE), PairFunction(counted, 1, large))
+        pos, mat = model.body_pos[1:], jnp.broadcast_to(jnp.eye(3), (4, 3, 3))
+        contact = detect(model, model_candidates(model), pos, mat)
+        found.append(np.concatenate([contact.dist[:, None], contact.pos], axis=1))
+        assert len(traced) == (1 if large else len(contact.ranges))
+    assert len(contact.ranges) == 3
+    np.testing.assert_array_equal(*found)
+    np.testing.assert_allclose(np.sort(found[0][:, 0])[:3], [-0.02, -0.01, 0], atol=1e-6)

@@ -10,7 +10,7 @@ import jaxsim
 from jaxsim.collision import detect, find_candidates
 from jaxsim.collision.blocks import BLOCK, close_pairs, contacts_in_blocks
 from jaxsim.collision.pairs.capsule import sphere_sphere
-from jaxsim.collision.shapes import INACTIVE, Shape
+from jaxsim.collision.shapes import INACTIVE, Contacts, Shape
 from jaxsim.collision.table import SPHERE
 
 COUNT = 2 * BLOCK + 3
@@ -29,8 +29,9 @@ def both_ways(pos):
     take = lambda i: jax.tree.map(lambda x: x[jnp.asarray(i)], shapes)  # noqa: E731
     contacts = lambda ids: jax.vmap(sphere_sphere)(*map(take, ids))  # noqa: E731
     first, second = map(take, IDS)
+    none = Contacts.none(1, pos.dtype)
     close = close_pairs((SPHERE, SPHERE), first, second, jnp.zeros(COUNT))
-    return contacts(IDS), contacts_in_blocks(contacts, IDS, close), close
+    return contacts(IDS), contacts_in_blocks(contacts, none, IDS, close), close
 
 
 @pytest.fixture

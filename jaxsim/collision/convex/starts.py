@@ -30,24 +30,37 @@ def axis_starts(solids: SolidPair) -> Float[Array, "16 3"]:
     return jnp.where((guesses @ solids.centre < 0)[:, None], -guesses, guesses)
 
 
-def face_starts(solids: SolidPair) -> Float[Array, "n 3"] | None:
+def number_of_face_starts(solids: SolidPair) -> int:
+    """Number of directions of `face_starts`; zero if neither solid has such faces."""
+    return sum(-(-len(planes.normal) // CHUNK) for planes in map(_planes, _both(solids)) if planes)
+
+
+def face_starts(solids: SolidPair) -> Float[Array, "n 3"]:
     """Normals of the faces of polytopes along which the separation is probably large.
 
     The separation along the normal of a face is the height above its plane of the other solid's
     lowest point. Of a large polytope only some corners are tried.
 
     Returns:
-      Directions from the first solid to the second; None if neither has such faces.
+      Directions from the first solid to the second.
     """
-    first, second = solids.first, solids.second
+    first, second = _both(solids)
     found = []
-    if first.faceted and (planes := first.planes()):
+    if planes := _planes(first):
         place = lambda x: solids.centre[None] + x @ solids.rot.T  # noqa: E731
         found.append(_least_penetrated(planes, second, solids.rot, place))
-    if second.faceted and (planes := second.planes()):
+    if planes := _planes(second):
         place = lambda x: (x - solids.centre[None]) @ solids.rot  # noqa: E731
         found.append(-_least_penetrated(planes, first, solids.rot.T, place) @ solids.rot.T)
-    return jnp.concatenate(found) if found else None
+    return jnp.concatenate(found)
+
+
+def _both(solids: SolidPair) -> tuple[Solid, Solid]:
+    return solids.first, solids.second
+
+
+def _planes(solid: Solid) -> Planes | None:
+    return solid.planes() if solid.faceted else None
 
 
 def _least_penetrated(
