@@ -37,6 +37,11 @@ class Box(Solid):
         """See `Solid`."""
         return jnp.max(self.size)
 
+    @property
+    def corner(self):
+        """Its corners, see `Solid`."""
+        return jnp.asarray(_CORNERS, self.size.dtype) * self.size[None]
+
     def support(self, d):
         """See `Solid`."""
         upper = d >= 0
@@ -54,7 +59,7 @@ class Box(Solid):
 
     def some_corners(self):
         """See `Solid`."""
-        return jnp.asarray(_CORNERS, self.size.dtype) * self.size[None]
+        return self.corner
 
     def feature(self, numbers, n):
         """See `Solid`."""

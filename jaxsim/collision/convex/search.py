@@ -92,9 +92,8 @@ def _climb_again(solids: SolidPair, number, found: SearchResult, wanted, guesses
     axes = len(guesses) - number_of_face_starts(solids)
 
     def with_faces():
-        normals = face_starts(solids)
-        exact, _ = jax.vmap(lambda n: _separation(solids, n))(normals)
-        return _appended(guesses[:axes], normals), _appended(values[:axes], exact)
+        normals, heights = face_starts(solids)
+        return _appended(guesses[:axes], normals), _appended(values[:axes], heights)
 
     if len(guesses) > axes:
         guesses, values = lax.cond(number == 1, with_faces, lambda: (guesses, values))

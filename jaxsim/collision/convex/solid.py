@@ -79,6 +79,7 @@ class Solid:
       curved: whether its surface has curvature.
       faceted: whether all its surface consists of flat faces with straight edges.
       clipped: whether contacts of its faces are those of polygons, see `ring`.
+      corner: its corners (m); only if faceted.
       capped: whether it has flat faces with a curved border, orthogonal to its third axis.
       max_contacts: number of contacts that may be needed to support it: 4 for a face, 2 for a line.
     """
@@ -87,6 +88,7 @@ class Solid:
     faceted = False
     clipped = False
     capped = False
+    corner: Float[Array, "v 3"]
     max_contacts = 1
 
     def __init__(self, shape: Shape):

@@ -13,7 +13,7 @@ from jaxsim.collision.convex.solid_pair import SolidPair
 from jaxsim.collision.frames import direction
 from jaxsim.collision.spread import one_hot, pick
 
-# Of each CHUNK of faces the best is returned.
+# Of each CHUNK of faces the best is returned; at most CHUNK of these are treated at a time.
 CHUNK = 16
 
 
@@ -32,35 +32,41 @@ def axis_starts(solids: SolidPair) -> Float[Array, "16 3"]:
 
 def number_of_face_starts(solids: SolidPair) -> int:
     """Number of directions of `face_starts`; zero if neither solid has such faces."""
-    return sum(-(-len(planes.normal) // CHUNK) for planes in map(_planes, _both(solids)) if planes)
+    both = _planes(solids.first), _planes(solids.second)
+    return sum(_in_chunks(len(planes.normal))[..., 0].size for planes in both if planes)
 
 
-def face_starts(solids: SolidPair) -> Float[Array, "n 3"]:
+def face_starts(solids: SolidPair) -> tuple[Float[Array, "n 3"], Float[Array, "n"]]:
     """Normals of the faces of polytopes along which the separation is probably large.
 
     The separation along the normal of a face is the height above its plane of the other solid's
-    lowest point. Of a large polytope only some corners are tried.
+    lowest point. Of a large polytope only some corners are tried to choose the faces.
 
     Returns:
-      Directions from the first solid to the second.
+      Directions from the first solid to the second, and the separations along them (m).
     """
-    first, second = _both(solids)
-    found = []
+    first, second, found = solids.first, solids.second, []
     if planes := _planes(first):
         place = lambda x: solids.centre[None] + x @ solids.rot.T  # noqa: E731
         found.append(_least_penetrated(planes, second, solids.rot, place))
     if planes := _planes(second):
         place = lambda x: (x - solids.centre[None]) @ solids.rot  # noqa: E731
-        found.append(-_least_penetrated(planes, first, solids.rot.T, place) @ solids.rot.T)
-    return jnp.concatenate(found)
-
-
-def _both(solids: SolidPair) -> tuple[Solid, Solid]:
-    return solids.first, solids.second
+        normal, height = _least_penetrated(planes, first, solids.rot.T, place)
+        found.append((-normal @ solids.rot.T, height))
+    normal, height = zip(*found, strict=True)
+    return jnp.concatenate(normal), jnp.concatenate(height)
 
 
 def _planes(solid: Solid) -> Planes | None:
     return solid.planes() if solid.faceted else None
+
+
+def _in_chunks(number: int) -> np.ndarray:
+    """Numbers of faces as (m, k, CHUNK), m rows of at most CHUNK chunks; the last is repeated."""
+    chunks = -(-number // CHUNK)
+    rows = -(-chunks // CHUNK)
+    shape = rows, -(-chunks // rows), CHUNK
+    return np.arange(np.prod(shape)).clip(max=number - 1).reshape(shape)
 
 
 def _least_penetrated(
@@ -68,7 +74,7 @@ def _least_penetrated(
     other: Solid,
     rot: Float[Array, "3 3"],
     place: Callable[[Float[Array, "k 3"]], Float[Array, "k 3"]],
-) -> Float[Array, "c 3"]:
+) -> tuple[Float[Array, "c 3"], Float[Array, "c"]]:
     """Of each chunk of planes, the normal of the one that another solid is least below.
 
     Args:
@@ -76,22 +82,28 @@ def _least_penetrated(
       other: the other solid.
       rot: its axes, as columns, in those of the polytope.
       place: from its points to the same in the polytope's axes.
+
+    Returns:
+      The normals, and the heights of the solid's lowest points above their planes (m).
     """
     # All of them: faces of a rounded hull differ by a few degrees, and have maxima of their own.
-    number = len(planes.normal)
-    tried = np.arange(-(-number // CHUNK) * CHUNK).clip(max=number - 1).reshape(-1, CHUNK)
-    chunks = jax.tree.map(lambda x: x[tried], planes)
+    chunks = jax.tree.map(lambda x: x[_in_chunks(len(planes.normal))], planes)
+    some, corners = (
+        (place(other.some_corners()), place(other.corner)) if other.faceted else (None, None)
+    )
 
-    corners = place(other.some_corners()) if other.faceted else None
-
-    def lowest(normal):
+    def lowest(normal, corners):
         if corners is not None:
             return jnp.min(normal @ corners.T, axis=1)
         reached, _ = jax.vmap(other.support)(-(normal @ rot))
         return jnp.sum(normal * place(reached), axis=1)
 
-    def best(chunk: Planes):
-        return pick(one_hot(lowest(chunk.normal) - chunk.offset), chunk.normal)
+    def best(row: Planes):
+        height = lowest(row.normal.reshape(-1, 3), some).reshape(row.offset.shape) - row.offset
+        chosen = jax.vmap(one_hot)(height)
+        normal, offset = (jax.vmap(pick)(chosen, x) for x in (row.normal, row.offset))
+        return normal, lowest(normal, corners) - offset
 
-    # One chunk after the other, for memory.
-    return lax.map(best, chunks)
+    # One row after the other, for memory.
+    normal, height = lax.map(best, chunks)
+    return normal.reshape(-1, 3), height.reshape(-1)
