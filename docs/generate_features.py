@@ -13,7 +13,7 @@ from mujoco.mjx._src import collision_driver
 from mujoco.mjx._src import types as mjx
 
 from jaxsim.collision.table import PAIRS, type_name
-from jaxsim.io import supported
+from jaxsim.io import plugins, supported
 from jaxsim.model.enums import constant_name
 from jaxsim.sensor import SENSORS
 
@@ -50,6 +50,8 @@ def page() -> str:
         parts.append(_table(title, rows))
     sensors = list(SENSORS)
     parts.append(_table("Sensors", _rows("mjtSensor", sensors, _names(mjx.SensorType))))
+    named = [(name, name in plugins.SUPPORTED, False) for name in plugins.ATTRIBUTES]
+    parts.append(_table("Engine plugins", named))
     parts.append(_table("Pairs of shapes that collide", _pairs()))
     return "\n".join(parts)
 
@@ -61,7 +63,7 @@ def _names(enum) -> set[str]:
 def _rows(enum: str, ours, theirs) -> list[tuple[str, bool, bool]]:
     members = sorted({int(v) for v in getattr(mujoco, enum).__members__.values()})
     names = [constant_name(enum, value) for value in members]
-    unused = {"UNDEFINED", "USER", "PLUGIN", "CONTACT"} - set(ours)
+    unused = ({"UNDEFINED", "USER", "CONTACT"} - set(ours)) | {"PLUGIN"}
     return [(n.lower(), n in ours, n in theirs) for n in names if n not in unused]
 
 

@@ -28,6 +28,7 @@ from jaxsim.io.signed_distances import (
 )
 from jaxsim.io.singular import check_mass_matrix
 from jaxsim.io.supported import unsupported
+from jaxsim.io.touch_grids import grid_tables
 from jaxsim.model.model import DELAYS, Model, Option, Statistic
 from jaxsim.model.names import Names
 from jaxsim.model.problems import raise_problems
@@ -89,6 +90,7 @@ def build(
             **hull_tables(mj, names.label),
             **field_tables(mj),
             **actuator_tables(mj),
+            **grid_tables(mj),
             **delays,
             "wrap_sideid": _side_sites(mj),
             "geom_opaque": opaque_geoms(mj),

@@ -14,6 +14,7 @@ import numpy as np
 from jaxsim.collision.distance import DISTANCE_SENSORS, distance_problems, measured_pairs
 from jaxsim.collision.rays import opaque_geoms, ray_problems
 from jaxsim.collision.table import type_name
+from jaxsim.io.touch_grids import unsupported_grids
 from jaxsim.model.enums import constant_name
 from jaxsim.model.names import Label
 from jaxsim.model.problems import ModelProblem
@@ -80,6 +81,7 @@ def unsupported(mj: mujoco.MjModel, label: Label) -> Iterator[ModelProblem]:
         for i, value in enumerate(getattr(mj, choice.field)):
             yield from _chosen(choice, label(choice.kind, i), value)
     yield from _sensors(mj, label)
+    yield from unsupported_grids(mj, label)
     yield from _geometry(mj, label)
 
 

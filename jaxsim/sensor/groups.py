@@ -21,8 +21,9 @@ class SensorGroup:
       kind: name of the sensors' type, `mujoco.mjtSensor` without its prefix.
       objtype: `mujoco.mjtObj` of the objects.
       reftype: `mujoco.mjtObj` of the reference objects; -1 for none.
-      variant: type of the joint, shape of the site, camera of an image, number of an actuator's
-        forces or of a callback's readings, if the function depends on it; else -1.
+      variant: type of the joint, shape of the site, camera of an image, first sensor with this grid
+        of pixels, number of an actuator's forces or of a callback's readings, if the function
+        depends on it; else -1.
       intprm: MuJoCo's integer parameters: which data are read, and how they are reduced.
       sensors: (n,) ids of the sensors.
       obj: (n,) ids of their objects.
@@ -75,6 +76,8 @@ def _key(model: Model, s: int) -> tuple[str, int, int, int, tuple[int, ...]]:
         variant = int(model.actuator_outnum[obj])
     elif kind == "USER":
         variant = int(model.sensor_dim[s])
+    elif kind == "PLUGIN":
+        variant = int(np.argmax((model.sensor_grid == model.sensor_grid[s]).all(axis=1)))
     elif kind == "TOUCH":
         variant = int(model.site_type[obj])
     elif kind == "RANGEFINDER" and objtype == _CAMERA:

@@ -16,6 +16,7 @@ from jaxsim.sensor.rangefinder import rangefinder
 from jaxsim.sensor.readings import Readings
 from jaxsim.sensor.signals import Signals
 from jaxsim.sensor.touch import touch
+from jaxsim.sensor.touch_grid import touch_grid
 from jaxsim.sensor.user import user
 
 _SENSOR_OFF = mujoco.mjtDisableBit.mjDSBL_SENSOR
@@ -73,6 +74,7 @@ SENSORS = {
     "TENDONLIMITFRC": (acceleration.tendonlimitfrc, ("tendon_limit_force",)),
     "FRAMELINACC": (acceleration.framelinacc, ("qacc",)),
     "FRAMEANGACC": (acceleration.frameangacc, ("qacc",)),
+    "PLUGIN": (touch_grid, ("contact", "contact_force")),
     "USER": (user, ()),
 }
 

@@ -14,6 +14,7 @@ from jaxsim.forces.external import external_wrench
 from jaxsim.sensor import Signals
 
 WORLD = """
+<extension><plugin plugin="mujoco.sensor.touch_grid"/></extension>
 <worldbody>
   <geom name="floor" type="plane" size="5 5 .1"/>
   <site name="fixed" pos=".2 0 .3" euler="10 20 30" size=".4" type="box"/>
@@ -105,6 +106,7 @@ def sensor_elements() -> list[str]:
     for kind in "magnetometer velocimeter gyro accelerometer force torque".split():
         rows += [f'<{kind} site="{site}"/>' for site in sites]
         rows.append(f'<{kind} site="hand" cutoff=".3"/>')
+    rows += grid_elements()
     touched = "patch rod rod2 disc disc2 hand arm fixed".split()
     rows += [f'<touch site="{site}"/>' for site in touched] + ['<touch site="disc" cutoff="1"/>']
     rows += [f'<rangefinder site="{site}"/>' for site in sites]
@@ -137,6 +139,22 @@ def sensor_elements() -> list[str]:
         '<user dim="3"/>',
     ]
     return rows + frame_elements()
+
+
+def grid_elements() -> list[str]:
+    """MJCF of touch grids: two of equal shape, and one of a body whose geoms it is welded to."""
+    rows = []
+    for site, channels, size, gamma in (
+        ("plate", 6, "4 3", 0.4),
+        ("rod", 3, "5 2", 0),
+        ("disc", 3, "5 2", 0),
+        ("arm", 0, "1 1", 0),
+    ):
+        values = {"nchannel": channels, "size": size, "fov": "180 90", "gamma": gamma}
+        config = "".join(f'<config key="{k}" value="{v}"/>' for k, v in values.items())
+        kind = 'plugin="mujoco.sensor.touch_grid" objtype="site"'
+        rows.append(f'<plugin {kind} objname="{site}">{config}</plugin>')
+    return rows
 
 
 def contact_elements() -> list[str]:
