@@ -32,7 +32,7 @@ from jaxsim.collision.frames import direction
 from jaxsim.collision.spread import one_hot, pick
 
 # Distance of q from the surface in each step of the search, in sizes of the smaller solid.
-BEYOND = (0.4,) * 6 + (0.04,) * 6
+BEYOND = (0.4,) * 3 + (0.04,) * 4 + (0.01,) * 5
 # The last of these again, so many times, for solids with round caps: along a line of a cylinder's
 # side that is almost level, support points jump from end to end.
 CAPPED = 4

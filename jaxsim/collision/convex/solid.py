@@ -126,6 +126,10 @@ class Solid:
         """The facet with outward normal closest to n; only for manifolds (`manifold.py`)."""
         raise NotImplementedError
 
+    def axes(self) -> Float[Array, "k 3"]:
+        """Unit vectors along its own axes, and along edges that are not."""
+        return jnp.eye(3, dtype=self.size.dtype)
+
     def planes(self) -> Planes | None:
         """Planes of the faces; None if these are orthogonal to the axes; only if faceted."""
         raise NotImplementedError

@@ -17,10 +17,10 @@ from jaxsim.collision.spread import one_hot, pick
 CHUNK = 16
 
 
-def axis_starts(solids: SolidPair) -> Float[Array, "16 3"]:
+def axis_starts(solids: SolidPair) -> Float[Array, "n 3"]:
     """Line of centres, axes of both solids and their cross products."""
-    axes1, axes2 = jnp.eye(3, dtype=solids.rot.dtype), solids.rot.T
-    crossed = jnp.cross(axes1[:, None], axes2[None]).reshape(9, 3)
+    axes1, axes2 = solids.first.axes(), solids.second.axes() @ solids.rot.T
+    crossed = jnp.cross(axes1[:, None], axes2[None]).reshape(-1, 3)
     line, _ = direction(solids.centre, axes1[2])
     square = jnp.sum(crossed**2, axis=1)
     regular = square > 1e-6

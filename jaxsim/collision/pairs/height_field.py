@@ -15,6 +15,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float
 
 from jaxsim.collision.convex import Point, Polytope, Solid, convex_pair
+from jaxsim.collision.convex.solid import Planes
 from jaxsim.collision.frames import tangent_of
 from jaxsim.collision.pairs.prism import point_prisms
 from jaxsim.collision.shapes import INACTIVE, Contacts, HeightField, Hull, Shape
@@ -29,9 +30,23 @@ class Prism(Polytope):
 
     max_contacts = 1
 
-    def planes(self):
+    def axes(self):
         """See `Solid`."""
-        return None
+        edge = jnp.roll(self.corner[:3], -1, axis=0) - self.corner[:3]
+        edge = edge / jnp.sqrt(jnp.sum(edge**2, axis=1))[:, None]
+        return jnp.concatenate([super().axes(), edge])
+
+    def planes(self):
+        """See `Solid`; of the top and the sides."""
+        top, up = self.corner[:3], jnp.eye(3, dtype=self.size.dtype)[2]
+        edge = jnp.roll(top, -1, axis=0) - top
+        sides = jnp.cross(edge, up[None])
+        normal = jnp.concatenate([jnp.cross(edge[0], edge[1])[None], sides])
+        normal = normal / jnp.sqrt(jnp.sum(normal**2, axis=1))[:, None]
+        offset = normal @ top[0], jnp.sum(normal[1:] * top, axis=1)
+        offset = jnp.concatenate([offset[0][:1], offset[1]])
+        outward = jnp.where(offset < 0, -1, 1).astype(normal.dtype)
+        return Planes(outward[:, None] * normal, outward * offset)
 
 
 def height_field_pair(
