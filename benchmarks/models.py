@@ -57,7 +57,7 @@ def load(name: str, menagerie: pathlib.Path | None = None) -> mujoco.MjModel:
     """
     spec = mujoco.MjSpec.from_file(str(_file(name, menagerie)))
     if name == "panda_box":
-        _add_box(spec)
+        add_box(spec)
     mj = spec.compile()
     mj.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
     return mj
@@ -78,7 +78,7 @@ def _file(name: str, menagerie: pathlib.Path | None) -> pathlib.Path:
     return pathlib.Path(found.origin).parent / path
 
 
-def _add_box(spec: mujoco.MjSpec, half: float = 0.02) -> None:
+def add_box(spec: mujoco.MjSpec, half: float = 0.02) -> None:
     """A free box on the floor in front of an arm, also in its keyframes."""
     pose = [0.5, 0, half, 1, 0, 0, 0]
     body = spec.worldbody.add_body(name="box", pos=pose[:3])

@@ -302,6 +302,20 @@ SECTIONS = (
         collision,
     ),
     Section(
+        "collision_scenes",
+        "Scenes in contact",
+        "Motions beside MuJoCo C with the same controls and options. Deepest: penetration at "
+        "the end (m), beside MuJoCo C's. Apart: the largest distance of a body at the end from "
+        "where it is in MuJoCo C (m). Energy: the largest difference along the way, as a share "
+        "of how much it changes. Noise: the same of two runs of MuJoCo C, one of which starts "
+        "1e-12 (1e-7 beside float32) away. Lost: contacts without a slot. Below, bodies that "
+        "rest on another one, held by weak springs, after a second: largest differences of "
+        "force and torque (shares of the weight, times 0.1 m) and of the pose (m, rad).",
+        lambda record: "\n\n".join(
+            table_markdown(record[key]) for key in ("rows", "support") if record[key]
+        ),
+    ),
+    Section(
         "trajopt",
         "Trajectory optimisation",
         "Swing-ups from the same small random controls. To 10 %: iterations until the cost is "

@@ -356,6 +356,22 @@ def test_contacts_of_a_pair_are_compared(benchmark_module):
     assert (row["contacts"], row["not finite"]) == (1, 0)
 
 
+def test_scenes_move_as_in_mujoco(benchmark_module):
+    """Two boxes that fall on each other."""
+    scenes = benchmark_module("collision_scenes")
+    mj = scenes.stack(2)
+    row = scenes.compared(mj, np.zeros((60, 0)), "float64")
+    assert (row["finite"], row["lost"]) == (True, 0)
+    assert row["deepest"] > 1e-5
+    assert max(row["apart"], row["energy"]) < 1e-9
+
+
+def test_a_resting_body_is_carried_as_in_mujoco(benchmark_module):
+    scenes = benchmark_module("collision_scenes")
+    row = scenes.support(("plane", "sphere"), 2, "float64")
+    assert max(row[key] for key in ("force", "torque", "pos", "turn")) < 1e-8
+
+
 def test_truth_of_distances(benchmark_module):
     """A cylinder's rim above a box's corner, its cap on a face, and its middle in the other's."""
     truth, poses = benchmark_module("collision_truth"), benchmark_module("collision_poses")
