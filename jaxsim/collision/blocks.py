@@ -67,3 +67,26 @@ def contacts_in_blocks(
         return jnp.where(mask, some[place], none[None])
 
     return jax.tree.map(placed, found, none)
+
+
+def contacts_in_turn(
+    contacts: Callable[[Sequence[Int[Array, ""]]], Contacts],
+    none: Contacts,
+    ids: Sequence[Index],
+    close: Bool[Array, "n"],
+) -> Contacts:
+    """The same in a kernel, whose code is that of one pair.
+
+    Args:
+      contacts: from the ids of one pair to its contacts.
+      none: contacts of one pair that has none.
+      ids: ids of all pairs.
+      close: which of them are close.
+    """
+
+    def of_pair(_, pair):
+        close, *own = pair
+        found = lax.cond(any_in_batch(close), lambda: contacts(own), lambda: none)
+        return None, jax.tree.map(lambda x, y: jnp.where(close, x, y), found, none)
+
+    return lax.scan(of_pair, None, (close, *(jnp.asarray(i) for i in ids)))[1]

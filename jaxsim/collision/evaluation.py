@@ -11,7 +11,7 @@ from jax import lax
 from jaxtyping import Array, Float, Int
 
 from jaxsim.arrays.indexing import Index, gather
-from jaxsim.collision.blocks import BLOCK, close_pairs, contacts_in_blocks
+from jaxsim.collision.blocks import BLOCK, close_pairs, contacts_in_blocks, contacts_in_turn
 from jaxsim.collision.candidates import PairGroup
 from jaxsim.collision.fields import Fields
 from jaxsim.collision.hulls import Hulls
@@ -19,6 +19,7 @@ from jaxsim.collision.parameters import contact_reach
 from jaxsim.collision.sdf import SignedDistances
 from jaxsim.collision.shapes import Contacts, Shape
 from jaxsim.collision.table import BOX, CYLINDER, HFIELD, MESH, PAIRS, PLANE, SDF
+from jaxsim.lanes.switch import tracing_cpu_kernel
 
 
 def contacts_of_groups(
@@ -49,8 +50,14 @@ def contacts_of_groups(
         joined = [join_ids([ids[k][i] for k in members]) for i in range(3)]
         limits = [_limit(reach[k], len(ids[k][0])) for k in members]
         idle = sum(len(ids[k][0]) for k in members if reach[k] is not None)
-        if idle > BLOCK and _has_hulls(group) and group.types[0] != PLANE:
-            contacts = _in_blocks(model, group, shapes, joined, jnp.concatenate(limits))
+        if tracing_cpu_kernel() and _has_hulls(group) and len(joined[0]) > 1:
+            contacts = _of_close(
+                contacts_in_turn, model, group, shapes, joined, jnp.concatenate(limits)
+            )
+        elif idle > BLOCK and _has_hulls(group) and group.types[0] != PLANE:
+            contacts = _of_close(
+                contacts_in_blocks, model, group, shapes, joined, jnp.concatenate(limits)
+            )
         else:
             contacts = pair_contacts(model, PAIRS[group.types].function, group, shapes, joined)
         stops = np.cumsum([len(ids[k][0]) for k in members])
@@ -63,17 +70,20 @@ def _limit(reach: Float[Array, "n"] | None, count: int) -> Float[Array, "n"]:
     return jnp.full(count, jnp.inf) if reach is None else reach
 
 
-def _in_blocks(
-    model: Any, group: PairGroup, shapes: Shape, ids: Sequence[Index], reach: Float[Array, "n"]
+def _of_close(
+    contacts_of: Callable[..., Contacts],
+    model: Any,
+    group: PairGroup,
+    shapes: Shape,
+    ids: Sequence[Index],
+    reach: Float[Array, "n"],
 ) -> Contacts:
-    """The contacts of the pairs that may have some within reach."""
+    """The contacts of the pairs that may have some within reach, one by one or in blocks."""
     pair = PAIRS[group.types]
     contacts = functools.partial(pair_contacts, model, pair.function, group, shapes)
     first, second = (take_shapes(shapes, i) for i in ids[:2])
     close = close_pairs(group.types, first, second, reach)
-    return contacts_in_blocks(
-        contacts, Contacts.none(pair.max_contacts, shapes.pos.dtype), ids, close
-    )
+    return contacts_of(contacts, Contacts.none(pair.max_contacts, shapes.pos.dtype), ids, close)
 
 
 def _has_hulls(group: PairGroup) -> bool:
@@ -97,10 +107,13 @@ def pair_contacts(
     shapes: Shape,
     ids: Sequence[Index],
 ) -> Contacts:
-    """The contacts of some pairs of a group, given by geoms and the number of an explicit pair."""
+    """The contacts of some pairs of a group, given by geoms and the number of an explicit pair.
+
+    Each of `ids` is an array, or the single number of one pair.
+    """
     tables, (*geoms, _) = _tables(model, group, shapes.pos.dtype), ids
     pair = zip(tables, geoms, strict=True)
-    rows = [jnp.zeros(len(i), int) if table is None else table.rows(i) for table, i in pair]
+    rows = [jnp.zeros(jnp.shape(i), int) if table is None else table.rows(i) for table, i in pair]
 
     def contacts(*posed: tuple[Shape, Any]) -> Contacts:
         pair = zip(tables, posed, strict=True)
@@ -115,7 +128,8 @@ def pair_contacts(
     if set(group.types) <= {CYLINDER, BOX, MESH}:
         margin = contact_reach(model, *ids).astype(first.pos.dtype)
         first = first.replace(margin=lax.stop_gradient(margin))
-    return jax.vmap(contacts)(*zip((first, second), rows, strict=True))
+    posed = zip((first, second), rows, strict=True)
+    return jax.vmap(contacts)(*posed) if jnp.ndim(geoms[0]) else contacts(*posed)
 
 
 def _tables(model: Any, group: PairGroup, dtype) -> list[Hulls | Fields | SignedDistances | None]:

@@ -80,9 +80,8 @@ def _of_group(model: Any, group: PairGroup, shapes: Shape, reach, first: int, fo
     function = PAIRS[group.types].function
 
     def add(pair, found):
-        chosen = [jnp.asarray(ids)[pair][None] for ids in (geom1, geom2, pairs)]
+        chosen = [jnp.asarray(ids)[pair] for ids in (geom1, geom2, pairs)]
         contacts = pair_contacts(model, function, group, shapes, chosen)
-        contacts = jax.tree.map(lambda x: x[0], contacts)
         return _with_contacts(found, contacts, first + pair, reach[pair])
 
     def block(found, own):

@@ -77,8 +77,14 @@ class HullCells:
 
     def at(self, row: Int[Array, ""], cell: Int[Array, ""]) -> Int[Array, "n"]:
         """Numbers of the corners of a cell of a hull; the last is repeated as padding."""
+        return self.numbers(row, cell)(jnp.arange(self.most, dtype=jnp.int32))
+
+    def numbers(
+        self, row: Int[Array, ""], cell: Int[Array, ""]
+    ) -> Callable[[Int[Array, "*k"]], Int[Array, "*k"]]:
+        """The same as a function of the place in that list, from 0 to `most` - 1."""
         start, count = self.cell[row, cell]
-        return self.corner[start + jnp.minimum(jnp.arange(self.most, dtype=jnp.int32), count - 1)]
+        return lambda k: self.corner[start + jnp.minimum(k, count - 1)]
 
 
 @struct.dataclass

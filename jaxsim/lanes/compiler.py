@@ -40,6 +40,10 @@ class Kernel:
     width: int
 
 
+# The values of a group of lanes are on the stack, of which a thread often has 8 MB.
+LARGEST_FRAME = 2**22
+
+
 @functools.lru_cache(maxsize=64)
 def kernel(
     program, batched: tuple[bool, ...], finite_math: bool = False, *, single: bool = False
@@ -125,6 +129,10 @@ def source(
 ) -> tuple[str, int]:
     """LLVM's text of a program for a CPU, and how many lanes its groups have."""
     emitter = _emitter(program, batched, finite_math, 1 if single else None)
+    if emitter.frame_bytes > LARGEST_FRAME:
+        raise NotImplementedError(
+            f"programs that keep {emitter.frame_bytes / 1e6:.0f} MB of values"
+        )
     count = len(program.in_avals), len(program.out_avals)
     text = emitter.module(), handler(*count, emitter.width, emitter.frame_bytes)
     return "\n".join(text), emitter.width

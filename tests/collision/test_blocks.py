@@ -9,9 +9,11 @@ import pytest
 import jaxsim
 from jaxsim.collision import detect, find_candidates
 from jaxsim.collision.blocks import BLOCK, close_pairs, contacts_in_blocks
+from jaxsim.collision.hulls import GAIN
 from jaxsim.collision.pairs.capsule import sphere_sphere
 from jaxsim.collision.shapes import INACTIVE, Contacts, Shape
 from jaxsim.collision.table import SPHERE
+from jaxsim.lanes import as_kernel
 
 COUNT = 2 * BLOCK + 3
 IDS = (np.arange(COUNT), np.arange(COUNT)[::-1].copy())
@@ -95,3 +97,55 @@ def test_selected_contacts_with_a_mesh_are_those_of_mujoco(x64):
     assert found.active.sum() == data.ncon
     ours, theirs = np.asarray(found.dist[found.active]), data.contact.dist
     np.testing.assert_allclose(np.sort(ours), np.sort(theirs), atol=1e-8)
+
+
+@pytest.fixture
+def hulls(rng):
+    """Depths and points of three touching hulls, with and without a table of near corners."""
+    turn = np.pi * (1 + np.sqrt(5)) * np.arange(120)
+    z = 1 - (2 * np.arange(120) + 1) / 120
+    ring = np.sqrt(1 - z**2)
+    ball = np.stack([ring * np.cos(turn), ring * np.sin(turn), z], axis=1)
+    corners = " ".join(f"{x:.4f}" for x in ball.ravel())
+    mj = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><asset><mesh name="octahedron" vertex="1 0 0 -1 0 0 0 1 0 0 -1 0 0 0 1 0 0 -1"/>
+        <mesh name="ball" vertex="{corners}"/></asset><default><geom type="mesh"/></default>
+        <worldbody><body><freejoint/><geom mesh="octahedron"/></body>
+        <body><freejoint/><geom mesh="ball"/></body>
+        <body><freejoint/><geom mesh="ball"/></body></worldbody></mujoco>"""
+    )
+    model = jaxsim.load(mj)
+    candidates = find_candidates(model)
+    assert [len(group) for group in candidates.groups] == [3]
+    near = model.hull_size[:, 4]
+    assert near.max() * GAIN < model.hull_size[:, 0].max()
+    pos = np.array([[0, 0, 0], [1.4, 0, 0], [0, 1.4, 0.1]]) + 0.05 * rng.normal(size=(3, 3, 3))
+    mat = np.linalg.qr(rng.normal(size=(3, 3, 3, 3)))[0]
+    mat *= np.sign(np.linalg.det(mat))[..., None, None]
+
+    def depths(pos, mat):
+        found = detect(model, candidates, pos, mat)
+        return jnp.where(found.active, found.dist, 0), found.pos * found.active[:, None]
+
+    return depths, pos, mat
+
+
+def test_kernels_have_the_code_of_one_pair_of_hulls(hulls):
+    depths, *poses = hulls
+    found, plain = (
+        jax.jit(jax.vmap(f))(*poses) for f in (as_kernel(depths, largest=10**7), depths)
+    )
+    for one, other in zip(found, plain, strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-12)
+    assert (np.asarray(plain[0]) < 0).any(axis=1).all()
+
+
+@pytest.mark.slow
+def test_derivatives_of_kernels_with_hulls(hulls):
+    depths, pos, mat = hulls
+    slopes = [
+        jax.jit(jax.grad(lambda x, f=f: jnp.sum(f(x, mat[0])[0] ** 2)))(pos[0])
+        for f in (depths, as_kernel(depths, largest=10**7))
+    ]
+    np.testing.assert_allclose(*slopes, atol=1e-12)
+    assert np.abs(slopes[0]).max() > 1e-3

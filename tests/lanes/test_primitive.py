@@ -159,6 +159,15 @@ def test_what_is_unknown_stays_with_xla(monkeypatch):
         assert_same(quick_jit(jax.vmap(as_kernel(g)))(X), jax.vmap(g)(X))
 
 
+def test_programs_that_would_overflow_the_stack_are_those_of_xla(monkeypatch):
+    monkeypatch.setattr(compiler, "LARGEST_FRAME", 0)
+    monkeypatch.setattr(compiler.cache, "load", lambda key: None)
+    primitive._warn.cache_clear()
+    f = lambda x: g(x) + 0.125  # noqa: E731 (a program that no other test has compiled)
+    with pytest.warns(UserWarning, match="does not know programs that keep"):
+        assert_same(quick_jit(jax.vmap(as_kernel(f)))(X), jax.vmap(f)(X))
+
+
 def test_large_programs_are_those_of_xla(monkeypatch):
     traced = jax.make_jaxpr(g)(X[0])
     monkeypatch.setattr(tuning, "KERNEL_SCALARS", jaxprs.num_scalars(traced.eqns) - 1)

@@ -15,6 +15,12 @@ from jaxsim.collision.frames import tangent_of
 from jaxsim.collision.shapes import INACTIVE, Contacts, Shape
 
 
+def _fixed(shape: Shape) -> Shape:
+    """The shape without derivatives; those of the tables of hulls are zero."""
+    pos, mat, size = lax.stop_gradient((shape.pos, shape.mat, shape.size))
+    return shape.replace(pos=pos, mat=mat, size=size)
+
+
 def convex_pair(
     first: type[Solid], second: type[Solid], max_contacts: int = 4
 ) -> tuple[Callable[[Shape, Shape], Contacts], int]:
@@ -26,7 +32,7 @@ def convex_pair(
 
     def pair(shape1: Shape, shape2: Shape) -> Contacts:
         solids = SolidPair(first(shape1), second(shape2))
-        fixed = SolidPair(first(lax.stop_gradient(shape1)), second(lax.stop_gradient(shape2)))
+        fixed = SolidPair(first(_fixed(shape1)), second(_fixed(shape2)))
         found = touch(solids, search(fixed))
         if count == 1:
             several = Manifold.of(found)

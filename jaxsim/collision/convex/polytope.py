@@ -5,11 +5,14 @@ import itertools
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
+from jaxtyping import Array, Float, Int
 
 from jaxsim.collision.cells import cell_of
 from jaxsim.collision.convex.solid import Facet, Feature, Planes, Solid, extent_of
 from jaxsim.collision.shapes import Shape
 from jaxsim.collision.spread import one_hot, pick
+from jaxsim.lanes.switch import tracing_cpu_kernel
 
 # Corners of a box's faces +x, -x, +y, -y, +z, -z, clockwise seen from outside, as in MuJoCo.
 _BOX_RINGS = np.array(
@@ -106,14 +109,31 @@ class Polytope(Solid):
 
     def support(self, d):
         """See `Solid`."""
+        if tracing_cpu_kernel():
+            number = self._furthest(d)
+            return self.corner[number], number
         if self.hull.near is None:
-            number = jnp.arange(len(self.corner), dtype=jnp.int32)
-            corner = self.corner
+            number, corner = jnp.arange(len(self.corner), dtype=jnp.int32), self.corner
         else:
             number = self.hull.near.at(self.hull.row, cell_of(d * self.size))
             corner = self.corner[number]
         furthest = one_hot(corner @ d)
         return pick(furthest, corner), jnp.sum(jnp.where(furthest, number, 0), dtype=jnp.int32)
+
+    def _furthest(self, d: Float[Array, "3"]) -> Int[Array, ""]:
+        """The number of the first corner furthest along d, found in a loop: little code."""
+        corner, d = lax.stop_gradient((self.corner, d))
+        count, number = len(corner), lambda k: k
+        if self.hull.near is not None:
+            number = self.hull.near.numbers(self.hull.row, cell_of(d * self.size))
+            count = self.hull.near.most
+
+        def compare(k, best):
+            here = corner[number(k)] @ d, number(k)
+            return jax.tree.map(lambda x, y: jnp.where(here[0] > best[0], x, y), here, best)
+
+        first = number(jnp.int32(0))
+        return lax.fori_loop(1, count, compare, (corner[first] @ d, first))[1]
 
     def point(self, vertex, n):
         """See `Solid`."""
