@@ -1,4 +1,4 @@
-"""Passive forces: springs, dampers, gravity compensation, drag and adhesion."""
+"""Passive forces: springs, dampers, gravity compensation, drag, adhesion and cables."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -9,6 +9,7 @@ from jaxsim.collision import Contact
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.velocity import Velocities
 from jaxsim.forces.adhesion import qfrc_adhesion
+from jaxsim.forces.cable import qfrc_cable
 from jaxsim.forces.damper import qfrc_damper
 from jaxsim.forces.fluid import qfrc_fluid
 from jaxsim.forces.gravcomp import qfrc_gravcomp
@@ -26,7 +27,8 @@ class PassiveForces:
       qfrc_gravcomp: all gravity compensation, including that exerted by actuators.
       qfrc_fluid: drag.
       qfrc_adhesion: pull of surfaces that adhere.
-      qfrc_passive: their sum, without gravity compensation exerted by actuators.
+      qfrc_passive: their sum and the forces of cables, without gravity compensation that actuators
+        exert.
     """
 
     qfrc_spring: Float[Array, "nv"]
@@ -57,7 +59,7 @@ def passive_forces(
     """
     spring, damper = qfrc_spring(model, kin, qpos), qfrc_damper(model, kin, qvel)
     gravcomp, fluid = qfrc_gravcomp(model, kin), qfrc_fluid(model, kin, vel)
-    adhesion = qfrc_adhesion(model, kin, contact)
+    adhesion, cable = qfrc_adhesion(model, kin, contact), qfrc_cable(model, kin, qpos)
     passive = ~np.asarray(model.jnt_actgravcomp, bool)[model.dof_jntid]
     return PassiveForces(
         qfrc_spring=spring,
@@ -65,5 +67,5 @@ def passive_forces(
         qfrc_gravcomp=gravcomp,
         qfrc_fluid=fluid,
         qfrc_adhesion=adhesion,
-        qfrc_passive=spring + damper + fluid + adhesion + jnp.where(passive, gravcomp, 0),
+        qfrc_passive=spring + damper + fluid + adhesion + cable + jnp.where(passive, gravcomp, 0),
     )

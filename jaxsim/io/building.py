@@ -15,6 +15,7 @@ from jaxsim.collision.candidates import candidate_pairs
 from jaxsim.collision.rays import opaque_geoms
 from jaxsim.collision.unsupported import dropped_pairs, unsupported_pairs
 from jaxsim.io.actuators import actuator_tables, delay_tables
+from jaxsim.io.cables import cable_leaf, cable_tables
 from jaxsim.io.fields import field_tables
 from jaxsim.io.frames import effective_frames
 from jaxsim.io.hulls import flat_meshes, hull_tables
@@ -91,6 +92,7 @@ def build(
             **field_tables(mj),
             **actuator_tables(mj),
             **grid_tables(mj),
+            **cable_tables(mj),
             **delays,
             "wrap_sideid": _side_sites(mj),
             "geom_opaque": opaque_geoms(mj),
@@ -104,7 +106,7 @@ def build(
         meshes=_mesh_digest(mj),
     )
     fields = {f.name for f in dataclasses.fields(Model)} - _STATIC - {"opt", "stat", "sdf"}
-    made = material_leaves(mj, materials)
+    made = material_leaves(mj, materials) | cable_leaf(mj)
     fields -= set() if delayed else set(DELAYS)
     leaves = {name: getattr(mj, name) for name in sorted(fields - set(made))}
     leaves |= effective_frames(mj) | made

@@ -14,6 +14,7 @@ import numpy as np
 from jaxsim.collision.distance import DISTANCE_SENSORS, distance_problems, measured_pairs
 from jaxsim.collision.rays import opaque_geoms, ray_problems
 from jaxsim.collision.table import type_name
+from jaxsim.io.cables import unsupported_bodies
 from jaxsim.io.touch_grids import unsupported_grids
 from jaxsim.model.enums import constant_name
 from jaxsim.model.names import Label
@@ -62,7 +63,6 @@ _CHOICES = (
 )
 # What has the place of an engine plugin, by the kind of element that it drives.
 _PLUGINS = {
-    "body": "remove it, or use springs and dampers of joints",
     "actuator": "use an actuator of MJCF's own, such as position or dcmotor",
 }
 _OPTIONS = (
@@ -82,6 +82,7 @@ def unsupported(mj: mujoco.MjModel, label: Label) -> Iterator[ModelProblem]:
             yield from _chosen(choice, label(choice.kind, i), value)
     yield from _sensors(mj, label)
     yield from unsupported_grids(mj, label)
+    yield from unsupported_bodies(mj, label)
     yield from _geometry(mj, label)
 
 

@@ -57,6 +57,8 @@ def _check(model: Model) -> None:
         problems.append("noslip_iterations")
     if model.opt.enabled(_DIAGEXACT):
         problems.append("the flag diagexact")
+    if len(model.cable_body):
+        problems.append("cables")
     if model.flg_adhesion:
         problems.append("adhesion")
     if has_tendon_inertia(model):

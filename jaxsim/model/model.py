@@ -96,6 +96,7 @@ class Model:
     body_inertia: Float[Array, "nbody 3"]
     body_invweight0: Float[Array, "nbody 2"]
     body_gravcomp: Float[Array, "nbody"]
+    body_cable: Float[Array, "nbody 3"]
     jnt_solref: Float[Array, "njnt 2"]
     jnt_solimp: Float[Array, "njnt 5"]
     jnt_pos: Float[Array, "njnt 3"]
