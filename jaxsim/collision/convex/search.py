@@ -27,7 +27,7 @@ from jaxtyping import Array, Float, Int
 from jaxsim.batching.primitives.decisions import any_in_batch
 from jaxsim.collision.convex.simplex import closest_with
 from jaxsim.collision.convex.solid_pair import SolidPair, Vertices
-from jaxsim.collision.convex.starts import axis_starts, face_starts, number_of_face_starts
+from jaxsim.collision.convex.starts import axis_starts, face_starts
 from jaxsim.collision.frames import direction
 from jaxsim.collision.spread import one_hot, pick
 
@@ -60,52 +60,33 @@ class SearchResult:
 
 def search(solids: SolidPair) -> SearchResult:
     """Find the direction of the largest separation; the result has no derivatives."""
-    axes, count = axis_starts(solids), number_of_face_starts(solids)
-    values, vertices = jax.vmap(lambda n: _separation(solids, n))(axes)
-    nowhere = jnp.zeros((count, 3), axes.dtype), jnp.full(count, -jnp.inf, axes.dtype)
-    guesses, values = map(_appended, (axes, values), nowhere)
-    none = SearchResult(
-        separation=jnp.full_like(values[0], -jnp.inf),
-        normal=axes[0],
-        vertices=jax.tree.map(lambda x: x[:3], vertices),
-        weights=jnp.array([1.0, 0, 0], axes.dtype),
+    guesses = axis_starts(solids)
+    values, _ = jax.vmap(lambda n: _separation(solids, n))(guesses)
+    found = _climb(solids, pick(one_hot(values), guesses))
+    deep = found.separation < -DEEP * solids.size
+    # Skipped if no environment of the batch needs it.
+    other = lax.cond(
+        any_in_batch(deep), lambda: _climb_more(solids, found, guesses, values), lambda: found
     )
-
-    def attempt(carry, number):
-        # Skipped if no environment of the batch needs it.
-        again = lambda: _climb_again(solids, number, *carry)  # noqa: E731
-        return lax.cond(any_in_batch(carry[1]), again, lambda: carry), None
-
-    start = none, jnp.ones((), bool), guesses, values, values > jnp.inf
-    return lax.scan(attempt, start, jnp.arange(1 + STARTS))[0][0]
+    return jax.tree.map(lambda x, y: jnp.where(deep, x, y), other, found)
 
 
-def _appended(first: Array, second: Array) -> Array:
-    return jnp.concatenate([first, second])
+def _climb_more(solids: SolidPair, found: SearchResult, guesses, values) -> SearchResult:
+    """The best of some more searches from good directions that differ from those before."""
+    if faces := face_starts(solids):
+        normals, heights = faces
+        guesses, values = jnp.concatenate([guesses, normals]), jnp.concatenate([values, heights])
 
+    def attempt(carry, _):
+        found, tried = carry
+        near = tried | (guesses @ found.normal > DIFFERENT)
+        n = pick(one_hot(jnp.where(near & (values <= found.separation), -jnp.inf, values)), guesses)
+        other = _climb(solids, n)
+        better = other.separation > found.separation
+        found = jax.tree.map(lambda x, y: jnp.where(better, x, y), other, found)
+        return (found, tried | (guesses @ n > DIFFERENT)), None
 
-def _climb_again(solids: SolidPair, number, found: SearchResult, wanted, guesses, values, tried):
-    """The better of `found` and one more search from a good direction that differs from others.
-
-    Faces are tried after the first search, if the overlap is deep.
-    """
-    axes = len(guesses) - number_of_face_starts(solids)
-
-    def with_faces():
-        normals, heights = face_starts(solids)
-        return _appended(guesses[:axes], normals), _appended(values[:axes], heights)
-
-    if len(guesses) > axes:
-        guesses, values = lax.cond(number == 1, with_faces, lambda: (guesses, values))
-    near = tried | (guesses @ found.normal > DIFFERENT)
-    n = pick(one_hot(jnp.where(near & (values <= found.separation), -jnp.inf, values)), guesses)
-    other = _climb(solids, n)
-    better = wanted & (other.separation > found.separation)
-    found = jax.tree.map(lambda x, y: jnp.where(better, x, y), other, found)
-    deep = wanted & (found.separation < -DEEP * solids.size)
-    wanted = jnp.where(number == 0, deep, wanted)
-    tried = tried | (guesses @ n > DIFFERENT) & (number > 0)
-    return found, wanted, guesses, values, tried
+    return lax.scan(attempt, (found, values > jnp.inf), length=STARTS)[0][0]
 
 
 def _start(solids: SolidPair, n: Float[Array, "3"]) -> SearchResult:

@@ -30,20 +30,15 @@ def axis_starts(solids: SolidPair) -> Float[Array, "n 3"]:
     return jnp.where((guesses @ solids.centre < 0)[:, None], -guesses, guesses)
 
 
-def number_of_face_starts(solids: SolidPair) -> int:
-    """Number of directions of `face_starts`; zero if neither solid has such faces."""
-    both = _planes(solids.first), _planes(solids.second)
-    return sum(_in_chunks(len(planes.normal))[..., 0].size for planes in both if planes)
-
-
-def face_starts(solids: SolidPair) -> tuple[Float[Array, "n 3"], Float[Array, "n"]]:
+def face_starts(solids: SolidPair) -> tuple[Float[Array, "n 3"], Float[Array, "n"]] | None:
     """Normals of the faces of polytopes along which the separation is probably large.
 
     The separation along the normal of a face is the height above its plane of the other solid's
     lowest point. Of a large polytope only some corners are tried to choose the faces.
 
     Returns:
-      Directions from the first solid to the second, and the separations along them (m).
+      Directions from the first solid to the second, and the separations along them (m); None if
+      neither has such faces.
     """
     first, second, found = solids.first, solids.second, []
     if planes := _planes(first):
@@ -53,6 +48,8 @@ def face_starts(solids: SolidPair) -> tuple[Float[Array, "n 3"], Float[Array, "n
         place = lambda x: (x - solids.centre[None]) @ solids.rot  # noqa: E731
         normal, height = _least_penetrated(planes, first, solids.rot.T, place)
         found.append((-normal @ solids.rot.T, height))
+    if not found:
+        return None
     normal, height = zip(*found, strict=True)
     return jnp.concatenate(normal), jnp.concatenate(height)
 
