@@ -175,9 +175,8 @@ def forces(
     model, kin = motion.model, motion.kin
     passive = passive_forces(model, kin, motion.vel, state.qpos, state.qvel, contact)
     ctrl = applied_controls(model, state, ctrl)
-    actuators = actuation(
-        model, kin, state.qpos, state.qvel, state.act, ctrl, passive.qfrc_gravcomp, contact
-    )
+    coordinates, gravcomp = (state.qpos, state.qvel, state.act), passive.qfrc_gravcomp
+    actuators = actuation(model, kin, *coordinates, ctrl, gravcomp, contact, state.time)
     return passive, actuators
 
 

@@ -13,6 +13,7 @@ from jaxsim.forces.dc_motor import DCMOTOR, limited_states, motor_rates
 from jaxsim.forces.muscle import muscle_activation_rate
 from jaxsim.forces.orientation import SO3, setpoint_rates, setpoint_rows
 from jaxsim.forces.pid import PID, pid_rates
+from jaxsim.forces.pid_controller import OWN, controller_rates
 from jaxsim.model import Model
 
 _INTEGRATOR = int(mujoco.mjtDyn.mjDYN_INTEGRATOR)
@@ -23,14 +24,17 @@ _MUSCLE = int(mujoco.mjtDyn.mjDYN_MUSCLE)
 
 def scalar_actuators(model: Model) -> np.ndarray:
     """Actuators with one control, one force and at most one activation; static."""
-    return np.nonzero(~np.isin(model.actuator_gaintype, (PID, SO3, DCMOTOR)))[0]
+    others = np.isin(model.actuator_gaintype, (PID, SO3, DCMOTOR))
+    others[model.pid_actuator] = True
+    return np.nonzero(~others)[0]
 
 
 def activation_rate(model: Model, drive: Drive) -> Float[Array, "na"]:
     """Rates of the activations.
 
     They are `ctrl` for integrators, `(ctrl - act) / tau` for filters, and for muscles the same
-    with a time constant that depends on `ctrl` and `act`. PID servos and DC motors have several.
+    with a time constant that depends on `ctrl` and `act`. PID servos, PID controllers and DC motors
+    have several.
 
     Args:
       model: the model.
@@ -41,6 +45,8 @@ def activation_rate(model: Model, drive: Drive) -> Float[Array, "na"]:
     parts = [_scalar_rates(model, drive)]
     if len(servos := with_gain(model, PID)):
         parts.append(as_activations(model, servos, pid_rates(model, drive)))
+    if len(model.pid_actuator):
+        parts.append(controller_rates(model, drive))
     if len(motors := with_gain(model, DCMOTOR)):
         parts.append(as_activations(model, motors, motor_rates(model, drive)))
     if len(rows := setpoint_rows(model)):
@@ -50,7 +56,8 @@ def activation_rate(model: Model, drive: Drive) -> Float[Array, "na"]:
 
 def _scalar_rates(model: Model, drive: Drive) -> Part:
     ids = scalar_actuators(model)
-    ids = ids[model.actuator_actnum[ids] > 0]
+    lagging = model.pid_actuator[model.pid_stateadr[:, OWN] >= 0]
+    ids = np.append(ids[model.actuator_actnum[ids] > 0], lagging)
 
     def lag(u, a, prm):
         return (u - a) / jnp.maximum(prm[0], MINVAL)
@@ -61,7 +68,8 @@ def _scalar_rates(model: Model, drive: Drive) -> Part:
         _FILTEREXACT: lag,
         _MUSCLE: muscle_activation_rate,
     }
-    rows = model.actuator_actadr[ids]
+    # A PID controller has states of its own, too; this one is the last.
+    rows = model.actuator_actadr[ids] + model.actuator_actnum[ids] - 1
     inputs = take(drive.ctrl, model.actuator_ctrladr[ids]), take(drive.act, rows)
     prm = take(model.actuator_dynprm, ids)
     return rows, apply_by_kind(model.actuator_dyntype[ids], kinds, *inputs, prm, empty=inputs[1])

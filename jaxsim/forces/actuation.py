@@ -2,7 +2,8 @@
 
 `force = gain(length, velocity) * input + bias(length, velocity)`, where the input is the control
 or, for an actuator with dynamics, its activation. MuJoCo documentation, chapter Computation,
-section "Actuation model". PID servos, DC motors and servos of orientations have files of their own.
+section "Actuation model". PID servos, PID controllers, DC motors and servos of orientations have
+files of their own.
 """
 
 import jax.numpy as jnp
@@ -29,6 +30,7 @@ from jaxsim.forces.dc_motor import DCMOTOR, mechanical_forces, motor_forces, mot
 from jaxsim.forces.muscle import muscle_bias, muscle_gain
 from jaxsim.forces.orientation import SO3, force_rows, limited_torques, torques
 from jaxsim.forces.pid import PID, pid_forces
+from jaxsim.forces.pid_controller import controller_forces
 from jaxsim.forces.servo import nearest_setpoint
 from jaxsim.model import Model
 
@@ -83,6 +85,7 @@ def actuation(
     ctrl: Float[Array, "nu"] | None,
     qfrc_gravcomp: Float[Array, "nv"],
     contact: Contact | None = None,
+    time: Float[Array, ""] | float = 0.0,
 ) -> Actuation:
     """Forces of all actuators and rates of their activations; zero if actuation is disabled.
 
@@ -95,6 +98,7 @@ def actuation(
       ctrl: controls; None for zero.
       qfrc_gravcomp: gravity compensation; actuators exert it on joints with `actgravcomp`.
       contact: the contacts, which actuators of bodies act through.
+      time: the time (s); at zero there is no earlier setpoint that limits the next.
     """
     t = transmission(model, kin, qpos)
     t = t if contact is None else with_adhesion(model, kin, t, contact)
@@ -105,7 +109,7 @@ def actuation(
         return Actuation(t, zeros, none, zeros, qfrc, rates, none)
     velocity, motors = actuator_velocity(model, t, qvel), len(with_gain(model, DCMOTOR)) > 0
     ctrl = jnp.zeros(model.nu, act.dtype) if ctrl is None else ctrl
-    drive = Drive(clamp_ctrl(model, ctrl), act, t.length, velocity)
+    drive = Drive(clamp_ctrl(model, ctrl), act, t.length, velocity, jnp.asarray(time))
     act_dot = activation_rate(model, drive)
     early = _early_activations(model, drive, act_dot)
     used = _inputs(model, early, drive.ctrl)
@@ -160,6 +164,8 @@ def _forces(model: Model, drive: Drive, act_dot, early, used) -> Float[Array, "n
     if len(servos := with_gain(model, PID)):
         force = pid_forces(model, drive, act_dot, early)
         parts.append((model.actuator_outadr[servos], force))
+    if len(model.pid_actuator):
+        parts.append(controller_forces(model, drive, act_dot, early))
     if len(motors):
         force = motor_forces(model, drive, act_dot, early)
         parts.append((model.actuator_outadr[motors], force))
@@ -183,7 +189,9 @@ def _scalar_forces(model: Model, drive: Drive, used) -> Part:
 
 
 def _without_disabled(model: Model, force) -> Float[Array, "nout"]:
-    off = disabled_actuators(model)[model.structure.out_actuator]
+    off = disabled_actuators(model)
+    off[model.pid_actuator] = False  # MuJoCo runs plugins of disabled groups, too
+    off = off[model.structure.out_actuator]
     return jnp.where(off, 0, force) if off.any() else force
 
 

@@ -28,12 +28,14 @@ class Drive:
       act: activations.
       length: lengths of the transmissions.
       velocity: their rates.
+      time: the time (s).
     """
 
     ctrl: Float[Array, "nu"]
     act: Float[Array, "na"]
     length: Float[Array, "nout"]
     velocity: Float[Array, "nout"]
+    time: Float[Array, ""]
 
 
 class Controlled(NamedTuple):

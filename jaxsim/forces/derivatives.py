@@ -134,7 +134,9 @@ def _actuator_slope(model: Model, actuation: Actuation) -> Float[Array, "nout"] 
     parts = [(model.actuator_outadr[ids], _gain_slopes(model, ids, actuation))]
     if len(motors := with_gain(model, DCMOTOR)):
         parts.append((model.actuator_outadr[motors], actuation.motor_slope))
-    others = np.concatenate([model.actuator_outadr[with_gain(model, PID)], force_rows(model)])
+    others = np.concatenate(
+        [model.actuator_outadr[with_gain(model, PID)], force_rows(model), model.pid_actuator]
+    )
     parts.append((others, jnp.zeros(len(others), bias_slope.dtype)))
     slope = in_order(parts) + bias_slope
     return jnp.where(depends & ~_saturated(model, actuation.actuator_force), slope, 0)

@@ -21,6 +21,7 @@ from jaxsim.io.frames import effective_frames
 from jaxsim.io.hulls import flat_meshes, hull_tables
 from jaxsim.io.materials import Materials, material_leaves
 from jaxsim.io.physical import impossible
+from jaxsim.io.pid_controllers import pid_leaf, pid_tables
 from jaxsim.io.signed_distances import (
     Functions,
     signed_distances,
@@ -93,6 +94,7 @@ def build(
             **actuator_tables(mj),
             **grid_tables(mj),
             **cable_tables(mj),
+            **pid_tables(mj),
             **delays,
             "wrap_sideid": _side_sites(mj),
             "geom_opaque": opaque_geoms(mj),
@@ -106,7 +108,7 @@ def build(
         meshes=_mesh_digest(mj),
     )
     fields = {f.name for f in dataclasses.fields(Model)} - _STATIC - {"opt", "stat", "sdf"}
-    made = material_leaves(mj, materials) | cable_leaf(mj)
+    made = material_leaves(mj, materials) | cable_leaf(mj) | pid_leaf(mj)
     fields -= set() if delayed else set(DELAYS)
     leaves = {name: getattr(mj, name) for name in sorted(fields - set(made))}
     leaves |= effective_frames(mj) | made

@@ -8,6 +8,8 @@ import mujoco
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxsim.io.cables import cable_leaf
+from jaxsim.io.pid_controllers import pid_leaf
 from jaxsim.model import Model, ModelError, State
 from jaxsim.model.errors import expect
 from jaxsim.model.history import time_places
@@ -51,6 +53,7 @@ def to_mujoco(model: Model, state: State | None = None, ctrl: Float[Array, "nu"]
     model = _with_stand_ins(model, mj)
     _check_simple_bodies(model, mj)
     _check_meshes(model, mj)
+    _check_plugins(model, mj)
     moved = any(not np.array_equal(getattr(mj, n), _numbers(model, n)) for n in _BOXES)
     for record, target in ((model, mj), (model.opt, mj.opt), (model.stat, mj.stat)):
         for field in dataclasses.fields(record):
@@ -126,3 +129,15 @@ def _check_meshes(model: Model, mj: mujoco.MjModel) -> None:
             f"{model.names.label('geom', int(geom))}: the size of its mesh has changed, which "
             "MuJoCo has compiled in; change the scale in the MJCF instead"
         )
+
+
+def _check_plugins(model: Model, mj: mujoco.MjModel) -> None:
+    """Raise if a number of a plugin has changed: MuJoCo has it as text."""
+    for leaf, kind in ((cable_leaf(mj), "body"), (pid_leaf(mj), "actuator")):
+        for name, numbers in leaf.items():
+            same = np.isclose(_numbers(model, name), numbers, 1e-6, 0).all(axis=1)
+            for row in np.flatnonzero(~same):
+                raise ModelError(
+                    f"{model.names.label(kind, int(row))}: its {name} has changed, which MuJoCo "
+                    "has compiled in; change the configuration of the plugin in the MJCF instead"
+                )

@@ -20,7 +20,7 @@ ATTRIBUTES = {
     "mujoco.sdf.nut": "radius",
     "mujoco.sdf.torus": "radius1 radius2",
 }
-SUPPORTED = frozenset({"mujoco.elasticity.cable", "mujoco.sensor.touch_grid"})
+SUPPORTED = frozenset({"mujoco.pid", "mujoco.elasticity.cable", "mujoco.sensor.touch_grid"})
 # A model that uses a plugin, by the beginning of its name; others may be used by nothing.
 _USES = {
     "mujoco.pid": """<worldbody><body><joint name="j"/><geom size="1"/></body></worldbody>

@@ -15,6 +15,7 @@ from jaxsim.collision.distance import DISTANCE_SENSORS, distance_problems, measu
 from jaxsim.collision.rays import opaque_geoms, ray_problems
 from jaxsim.collision.table import type_name
 from jaxsim.io.cables import unsupported_bodies
+from jaxsim.io.pid_controllers import unsupported_controllers
 from jaxsim.io.touch_grids import unsupported_grids
 from jaxsim.model.enums import constant_name
 from jaxsim.model.names import Label
@@ -61,10 +62,6 @@ _CHOICES = (
     ),
     _Choice("eq_type", "equality", "type", "mjtEq", "CONNECT WELD JOINT TENDON"),
 )
-# What has the place of an engine plugin, by the kind of element that it drives.
-_PLUGINS = {
-    "actuator": "use an actuator of MJCF's own, such as position or dcmotor",
-}
 _OPTIONS = (
     _Choice(
         "integrator", "option", "integrator", "mjtIntegrator", "EULER RK4 IMPLICIT IMPLICITFAST"
@@ -76,13 +73,13 @@ _OPTIONS = (
 def unsupported(mj: mujoco.MjModel, label: Label) -> Iterator[ModelProblem]:
     """All unsupported features that a compiled model uses, each with a remedy."""
     yield from _options(mj)
-    yield from _plugins(mj, label)
     for choice in _CHOICES:
         for i, value in enumerate(getattr(mj, choice.field)):
             yield from _chosen(choice, label(choice.kind, i), value)
     yield from _sensors(mj, label)
     yield from unsupported_grids(mj, label)
     yield from unsupported_bodies(mj, label)
+    yield from unsupported_controllers(mj, label)
     yield from _geometry(mj, label)
 
 
@@ -109,13 +106,6 @@ def _options(mj: mujoco.MjModel) -> Iterator[ModelProblem]:
             yield ModelProblem("option flag", f"{name.lower()} is not supported; disable it")
     if mj.nflex:
         yield ModelProblem("", "flex elements are not supported; remove them from the model")
-
-
-def _plugins(mj: mujoco.MjModel, label: Label) -> Iterator[ModelProblem]:
-    """Elements whose physics is native code of an engine plugin."""
-    for kind, remedy in _PLUGINS.items():
-        for i in np.flatnonzero(getattr(mj, f"{kind}_plugin") >= 0):
-            yield ModelProblem(label(kind, int(i)), f"engine plugins are not supported; {remedy}")
 
 
 def _geometry(mj: mujoco.MjModel, label: Label) -> Iterator[ModelProblem]:

@@ -172,6 +172,7 @@ class Model:
     actuator_dynprm: Float[Array, "nactuator 10"]
     actuator_gainprm: Float[Array, "nactuator 10"]
     actuator_biasprm: Float[Array, "nactuator 10"]
+    actuator_pid: Float[Array, "nactuator 5"]
     actuator_actrange: Float[Array, "nactuator 2"]
     actuator_damping: Float[Array, "nactuator"]
     actuator_dampingpoly: Float[Array, "nactuator npoly"]

@@ -40,9 +40,6 @@ ELEMENTS = {
     ),
     """<deformable><flex name="f" dim="1" body="link slider" vertex="0 0 0 0 0 0" element="0 1"/>
        </deformable>""": "flex elements .* remove them",
-    """<extension><plugin plugin="mujoco.pid"><instance name="pid"/></plugin></extension>
-       <actuator><plugin name="m" plugin="mujoco.pid" instance="pid" joint="hinge"/></actuator>
-       """: "actuator 'm': engine plugins .* use an actuator of MJCF",
 }
 
 

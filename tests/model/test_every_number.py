@@ -57,7 +57,7 @@ XML = """
 # What ends MuJoCo's solver or lets it skip pairs, where it expands motion, and what it has not.
 UNCOMPARED = (
     *("tolerance", "geom_rbound", "body_subtreemass"),
-    *("geom_stiffness", "geom_relaxation", "geom_restitution", "body_cable"),
+    *("geom_stiffness", "geom_relaxation", "geom_restitution", "body_cable", "actuator_pid"),
 )
 MOVED = 40  # at least so many arrays change the motion
 STEP = 1e-6

@@ -76,7 +76,8 @@ def next_activations(
     rate = jnp.where(disabled_actuators(model)[model.structure.act_actuator], 0, act_dot)
     after = next_activation(model, act, rate, velocity, model.opt.timestep)
     if len(ids := integrated_setpoints(model)):
-        rows, near = model.actuator_actadr[ids], take(length, model.actuator_outadr[ids])
+        rows = model.actuator_actadr[ids] + model.actuator_actnum[ids] - 1
+        near = take(length, model.actuator_outadr[ids])
         wrapped = nearest_setpoint(model, ids, take(after, rows), near)
         after = after.at[rows].set(wrapped, unique_indices=True)
     return canonical_setpoints(model, after)
