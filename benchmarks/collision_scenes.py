@@ -1,4 +1,6 @@
-"""Scenes in contact beside MuJoCo C, step by step with the same controls and options.
+"""Scenes in contact beside MuJoCo C, step by step with the same controls.
+
+MuJoCo's solver goes on to the end here (tolerance 0), or its errors would be those in the table.
 
 Of each scene, in float64 and in float32, a row tells
 
@@ -6,10 +8,12 @@ Of each scene, in float64 and in float32, a row tells
 - `deepest`: the deepest penetration at the end (m), and `MuJoCo` that of MuJoCo C;
 - `apart`: the largest distance of a body at the end from where it is in MuJoCo C (m), and `noise`
   that of two runs of MuJoCo C, one of which starts with positions moved by 1e-12 (1e-7 for
-  float32): where this is large, the motion is chaotic;
+  float32, and rounds its state to that after each step): where this is large, the motion is
+  chaotic;
 - `energy`: the largest difference of energies along the way, as a share of how much MuJoCo C's
   changes, and `noise energy` that of its two runs;
-- `ms`, `MuJoCo ms`: time of a step, and `compile s`.
+- `ms`, `MuJoCo ms`: time of a step, with quick options of XLA and with MuJoCo's own, and
+  `compile s`.
 
 `support` tells of pairs of shapes: of a body with weak springs that comes to rest on a fixed one,
 in a second and in several poses, the largest differences of the wrench that carries it (`force`,
@@ -18,6 +22,7 @@ two runs of MuJoCo C in `noise`, as above.
 """
 
 import argparse
+import copy
 import dataclasses
 import pathlib
 import time
@@ -156,8 +161,11 @@ PAIRS = ["-".join(pair) for pair in collision_poses.PAIRS]
 
 
 def main(arguments=None) -> None:
+    from jaxsim.lanes.switch import enable_lanes
+
     options = _options(arguments)
     common.setup()
+    enable_lanes(False)  # XLA compiles programs that run once sooner.
     record: dict = {"rows": [], "support": []}
     for name in options.scenes:
         scene = SCENES[name]
@@ -207,14 +215,18 @@ def compared(mj: mujoco.MjModel, ctrls: np.ndarray, precision: str) -> dict:
             _, states, status = jaxsim.rollout(model, start, ctrls, status=True)
             return (states.qpos, states.qvel), status
 
-        run, _, seconds = common.compile_for(roll, start, jnp.asarray(ctrls, start.qpos.dtype))
+        arguments = start, jnp.asarray(ctrls, start.qpos.dtype)
+        quick = jax.jit(roll, compiler_options=common.quick_options(0))
         began = time.perf_counter()
-        ours, status = jax.tree.map(np.asarray, run())
+        run = quick.lower(*arguments).compile()
+        seconds = time.perf_counter() - began
+        began = time.perf_counter()
+        ours, status = jax.tree.map(np.asarray, jax.block_until_ready(run(*arguments)))
         taken = time.perf_counter() - began
     began = time.perf_counter()
-    theirs = mujoco_motion(mj, ctrls)
+    mujoco_motion(mj, ctrls)
     mujoco_taken = time.perf_counter() - began
-    noisy = mujoco_motion(mj, ctrls, NOISE[precision])
+    theirs, noisy = (mujoco_motion(converged(mj), ctrls, x) for x in ("", precision))
     here, there, near = (Measured(mj, *x) for x in (ours, theirs, noisy))
     change = np.ptp(there.energy)
     return {
@@ -234,14 +246,29 @@ def compared(mj: mujoco.MjModel, ctrls: np.ndarray, precision: str) -> dict:
     }
 
 
-def mujoco_motion(mj: mujoco.MjModel, ctrls: np.ndarray, noise: float = 0.0):
-    """Positions (T, nq) and velocities (T, nv) after each step."""
+def converged(mj: mujoco.MjModel) -> mujoco.MjModel:
+    """The same model, whose constraint solver and search for contacts go on to the end."""
+    exact = copy.copy(mj)
+    exact.opt.tolerance, exact.opt.ccd_tolerance, exact.opt.ccd_iterations = 0, 1e-15, 500
+    return exact
+
+
+def noisy_step(mj: mujoco.MjModel, data: mujoco.MjData, precision: str) -> None:
+    """A step, after which the state is rounded to a precision."""
+    mujoco.mj_step(mj, data)
+    for part in (data.qpos, data.qvel):
+        part[:] = part.astype(precision or float)
+
+
+def mujoco_motion(mj: mujoco.MjModel, ctrls: np.ndarray, noisy: str = ""):
+    """Positions (T, nq) and velocities (T, nv) after each step, with the noise of a precision."""
     data = models.start(mj)
-    mujoco.mj_integratePos(mj, data.qpos, np.random.default_rng(0).normal(size=mj.nv), noise)
+    along = np.random.default_rng(0).normal(size=mj.nv)
+    mujoco.mj_integratePos(mj, data.qpos, along, NOISE.get(noisy, 0))
     motion = []
     for ctrl in ctrls:
         data.ctrl[:] = ctrl
-        mujoco.mj_step(mj, data)
+        noisy_step(mj, data, noisy)
         motion.append((data.qpos.copy(), data.qvel.copy()))
     return [np.stack(x) for x in zip(*motion, strict=True)]
 
@@ -285,7 +312,7 @@ def support_model(names: tuple[str, str]) -> mujoco.MjModel:
         for axis, k in (("1 0 0", 40), ("0 1 0", 40), ("0 0 1", 2))
     )
     return mujoco.MjModel.from_xml_string(
-        f"""<mujoco><option ccd_tolerance="1e-15" ccd_iterations="500"/><asset>{_hull()}
+        f"""<mujoco><asset>{_hull()}
         <hfield name="hfield" nrow="5" ncol="5" size=".6 .6 .1 .1"
           elevation="{" ".join(f"{x:.3f}" for x in heights)}"/></asset>
         <worldbody><body name="below">{below}</body><body name="above">{slides}
@@ -316,19 +343,20 @@ def support(names: tuple[str, str], poses: int, precision: str) -> dict:
     with jax.enable_x64(precision == "float64"):
         quick = jax.jit(jaxsim.vmap(rest), compiler_options=common.quick_options(0))
         ours = [np.asarray(x, float) for x in quick(jnp.asarray(qpos, precision))]
-    theirs, noisy = (mujoco_rest(mj, qpos, length, x) for x in (0.0, NOISE[precision]))
+    theirs, noisy = (mujoco_rest(converged(mj), qpos, length, x) for x in ("", precision))
     found, noise = (_differences(x, theirs) for x in (ours, noisy))
     row = {"pair": "-".join(names), "precision": precision} | found
     return row | {f"noise {key}": value for key, value in noise.items()}
 
 
-def mujoco_rest(mj: mujoco.MjModel, qpos: np.ndarray, length: int, noise: float):
+def mujoco_rest(mj: mujoco.MjModel, qpos: np.ndarray, length: int, noisy: str):
     """Positions (n, 7) after so many steps, and the constraint's forces (n, 6) there."""
     ends = []
     for start in qpos:
         data = mujoco.MjData(mj)
-        data.qpos[:] = start + noise * np.arange(1, 8)
-        mujoco.mj_step(mj, data, length)
+        data.qpos[:] = start + NOISE.get(noisy, 0) * np.arange(1, 8)
+        for _ in range(length):
+            noisy_step(mj, data, noisy)
         mujoco.mj_forward(mj, data)
         ends.append((data.qpos.copy(), data.qfrc_constraint.copy()))
     return [np.stack(x) for x in zip(*ends, strict=True)]

@@ -304,13 +304,15 @@ SECTIONS = (
     Section(
         "collision_scenes",
         "Scenes in contact",
-        "Motions beside MuJoCo C with the same controls and options. Deepest: penetration at "
-        "the end (m), beside MuJoCo C's. Apart: the largest distance of a body at the end from "
-        "where it is in MuJoCo C (m). Energy: the largest difference along the way, as a share "
-        "of how much it changes. Noise: the same of two runs of MuJoCo C, one of which starts "
-        "1e-12 (1e-7 beside float32) away. Lost: contacts without a slot. Below, bodies that "
-        "rest on another one, held by weak springs, after a second: largest differences of "
-        "force and torque (shares of the weight, times 0.1 m) and of the pose (m, rad).",
+        "Motions beside MuJoCo C with the same controls; its solver goes on to the end "
+        "(tolerance 0). Deepest: penetration at the end (m), beside MuJoCo C's. Apart: the "
+        "largest distance of a body at the end from where it is in MuJoCo C (m). Energy: the "
+        "largest difference along the way, as a share of how much it changes. Noise: the same of "
+        "two runs of MuJoCo C, one of which starts 1e-12 away (1e-7 beside float32, and rounds "
+        "its state to that after each step). Lost: contacts without a slot. ms: one step of one "
+        "environment, in a program that was compiled fast. Below, bodies that rest on another "
+        "one, held by weak springs, after a second: largest differences of force and torque "
+        "(shares of the weight, times 0.1 m) and of the pose (m, rad).",
         lambda record: "\n\n".join(
             table_markdown(record[key]) for key in ("rows", "support") if record[key]
         ),
