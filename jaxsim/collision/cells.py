@@ -50,7 +50,7 @@ def furthest_corners(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     numbers, count, side = np.tile(everything, 6), np.full(6, len(corners)), 1
     while True:
         borders = np.repeat(_borders(side), count, axis=0)
-        kept = _not_behind(np.einsum("nk,njk->nj", corners[numbers], borders), count)
+        kept = _not_behind(np.einsum("nk,njk->jn", corners[numbers], borders), count)
         count = np.add.reduceat(kept, np.cumsum(count) - count, dtype=int)
         numbers, start = numbers[kept], np.cumsum(count) - count
         if side == SIDE:
@@ -80,19 +80,19 @@ def _borders(side: int) -> np.ndarray:
 
 
 def _not_behind(height: np.ndarray, count: np.ndarray) -> np.ndarray:
-    """Which rows of heights are not below one of some rows of the same cell in all columns.
+    """Which columns of heights are not below one of some of the same cell in all rows.
 
     Args:
-      height: (n, 4) heights of the corners of the first cell, then of the second, and so on.
+      height: (4, n) heights of the corners of the first cell, then of the second, and so on.
       count: (cells,) number of corners of each cell, at least one.
     """
     start = np.cumsum(count) - count
     cell = np.repeat(np.arange(len(count)), count)
-    slack = SLACK * np.maximum.reduceat(np.abs(height).max(axis=1), start)
-    behind = np.zeros(len(height), bool)
-    for measure in (*height.T, height.sum(axis=1)):
+    slack = SLACK * np.maximum.reduceat(np.abs(height).max(axis=0), start)
+    behind = np.zeros(len(cell), bool)
+    for measure in (*height, height.sum(axis=0)):
         (highest,) = np.nonzero(measure == np.maximum.reduceat(measure, start)[cell])
-        _, first = np.unique(cell[highest], return_index=True)
-        best = height[highest[first]] - slack[:, None]
-        behind |= (height < best[cell]).all(axis=1)
+        first = np.append(True, np.diff(cell[highest]) > 0)
+        best = height[:, highest[first]] - slack
+        behind |= (height < best[:, cell]).all(axis=0)
     return ~behind

@@ -83,7 +83,7 @@ def hull_tables(mj: mujoco.MjModel, label: Label) -> dict[str, np.ndarray]:
         "hull_around": _joined([faces for faces, _ in flat]),
         "hull_place": _joined([p + n for (_, p), n in zip(flat, start, strict=False)]),
         "hull_before": _joined([h.before for h in hulls]),
-        "hull_others": np.concatenate([np.zeros((0, 3), int), *(h.others for h in hulls)]),
+        "hull_others": _others(hulls),
         "hull_cell": _table(cells, (2,)),
         "hull_near": _joined([numbers for _, numbers in near]),
     }
@@ -131,18 +131,6 @@ class _Hull:
         return before
 
     @property
-    def others(self) -> np.ndarray:
-        """(p, 3) corners that make a large quadrilateral with each place; -1 if there are none."""
-        found = np.zeros((len(self.ring), 3), int)
-        for count in np.unique(self.count):
-            places = self.start[self.count == count, None] + np.arange(count)
-            rings = self.ring[places]
-            three = widest_with(self.corners[rings])
-            of_ring = np.arange(len(rings))[:, None, None]
-            found[places] = np.where(three >= 0, rings[of_ring, three], -1)
-        return found
-
-    @property
     def at(self) -> np.ndarray:
         """(v, 2) where each corner's faces start in `around`, and their number."""
         count = np.bincount(self.ring, minlength=len(self.corners))
@@ -153,6 +141,22 @@ class _Hull:
         """Faces at the first corner, ascending, then at the second, and so on, and its places."""
         places = np.argsort(self.ring, kind="stable")
         return np.repeat(np.arange(len(self.count)), self.count)[places], places
+
+
+def _others(hulls: list[_Hull]) -> np.ndarray:
+    """(p, 3) corners that make a large quadrilateral with each place; -1 if there are none.
+
+    Places are those of all hulls, one hull after the other.
+    """
+    ring, counts = _joined([h.ring for h in hulls]), _joined([h.count for h in hulls])
+    corners = np.concatenate([np.zeros((0, 3)), *(h.corners[h.ring] for h in hulls)])
+    start, found = np.cumsum(counts) - counts, np.zeros((len(ring), 3), int)
+    for count in np.unique(counts):
+        places = start[counts == count, None] + np.arange(count)
+        three = widest_with(corners[places])
+        rings, of_ring = ring[places], np.arange(len(places))[:, None, None]
+        found[places] = np.where(three >= 0, rings[of_ring, three], -1)
+    return found
 
 
 def widest_with(corners: np.ndarray) -> np.ndarray:
@@ -172,29 +176,35 @@ def widest_with(corners: np.ndarray) -> np.ndarray:
     at = np.repeat((first + np.arange(1, 4)[:, None])[:, None] % count, polygons, axis=1)
     if count <= 4:
         return np.where(np.arange(1, 4) < count, np.moveaxis(at, 0, 2), -1)
-    row = np.arange(polygons)[:, None]
+    at, row = at.reshape(3, -1), np.repeat(np.arange(polygons) * count, count)
+    point = np.ascontiguousarray(corners.reshape(-1, 3).T)
 
-    def area(b, c, d):
-        across = np.cross(corners[row, c] - corners, corners[row, d] - corners[row, b])
-        return np.linalg.norm(across, axis=2)
+    def area(places, b, c, d):
+        """Twice the areas of the quadrilaterals of some places and three others of each."""
+        b, c, d = (row[places] + k for k in (b, c, d))
+        (ux, uy, uz), (vx, vy, vz) = point[:, c] - point[:, places], point[:, d] - point[:, b]
+        return np.sqrt(
+            (uy * vz - uz * vy) ** 2 + (uz * vx - ux * vz) ** 2 + (ux * vy - uy * vx) ** 2
+        )
 
-    def advance(which, trying):
-        """Move one of the three, where that makes the area larger."""
-        moved = at.copy()
+    def advance(which, places):
+        """Move one of the three of some places; those where that makes the area larger."""
+        moved = at[:, places]
         moved[which] = (moved[which] + 1) % count
-        new = area(*moved)
-        larger = trying & (new > largest)
-        at[:, larger], largest[larger] = moved[:, larger], new[larger]
-        return larger
+        new = area(places, *moved)
+        larger = new > largest[places]
+        places = places[larger]
+        at[which, places], largest[places] = moved[which, larger], new[larger]
+        return places
 
-    largest = area(*at)
-    going = np.ones((polygons, count), bool)
-    while (going := advance(2, going)).any():
+    going = np.arange(polygons * count)
+    largest = area(going, *at)
+    while len(going := advance(2, going)):
         for which in (1, 0):
             moving = going
-            while (moving := advance(which, moving)).any():
+            while len(moving := advance(which, moving)):
                 pass
-    return np.moveaxis(at, 0, 2)
+    return np.moveaxis(at.reshape(3, polygons, count), 0, 2)
 
 
 def _geoms(mj: mujoco.MjModel) -> np.ndarray:
