@@ -1,11 +1,16 @@
 """Contacts of polytopes: MuJoCo's points, distances and normal, one by one."""
 
 import jax
+import jax.numpy as jnp
 import mujoco
 import numpy as np
 import pytest
+from oracle import quick_jit
 from pair_sizes import hulls, values
 from scipy.optimize import linear_sum_assignment
+
+import jaxsim
+from jaxsim.collision.convex.quad import widest_four
 
 WEDGE = "-.1 -.12 -.05  .1 -.12 -.05  .1 .12 -.05  -.1 .12 -.05  0 .1 .1  0.02 -.1 .1"
 N = 60
@@ -88,3 +93,13 @@ def test_contacts_are_mujocos(names, margin, rng):
     # a margin its search sees rounded solids, and may end at an edge beside the face.
     assert np.mean(same) >= (0.9 if margin else 0.95)
     assert max(map(len, theirs)) == 4
+
+
+def test_polygons_without_area_have_an_answer():
+    """Rounding decides which area is larger, and the search for the widest four must end."""
+    rng = np.random.default_rng(0)
+    line = rng.uniform(size=(4000, 8, 1)) * rng.normal(size=(4000, 1, 2)) + 0.3
+    line[:2000, 4:] = line[:2000, :4]
+    found = quick_jit(jaxsim.vmap(lambda p: widest_four(p, jnp.ones(8, bool), jnp.arange(8))))(line)
+    assert found.min() >= 0
+    assert found.max() < 8

@@ -32,16 +32,20 @@ def widest_four(
 
     def advance(state):
         # The third of the moving corners goes first, then the second, then the first.
-        at, largest, turn, _ = state
+        at, largest, turn, _, tries = state
         moved = jnp.where(jnp.arange(3) == 2 - turn, (at + 1) % count, at)
         size = area(*moved)
         larger = size > largest
         following = jnp.where(larger, jnp.where(turn == 0, 1, turn), (turn + 1) % 3)
         at = jnp.where(larger, moved, at)
-        return at, jnp.where(larger, size, largest), following, (turn == 0) & ~larger
+        # Of a polygon without area, rounding may let them go around for ever.
+        ends = (turn == 0) & ~larger | (tries == most)
+        return at, jnp.where(larger, size, largest), following, ends, tries + 1
 
-    start = jnp.arange(1, 4)
-    state = start, area(*start), jnp.zeros((), int), count <= 4
+    # Each of the three goes around once at most, and fails as often as the third goes forward.
+    most = 8 * len(points)
+    start, zero = jnp.arange(1, 4), jnp.zeros((), int)
+    state = start, area(*start), zero, count <= 4, zero
     at = lax.while_loop(lambda s: ~s[3], advance, state)[0]
     return jnp.concatenate([order[:1], order[at]])
 
