@@ -22,7 +22,7 @@ from jaxsim.forces.actuation import Actuation, disabled_actuators, gains
 from jaxsim.forces.controller import in_order, with_gain
 from jaxsim.forces.damper import dof_damping_slope, has_tendon_damping, tendon_damping_slope
 from jaxsim.forces.dc_motor import DCMOTOR
-from jaxsim.forces.fluid import has_fluid, link_drag
+from jaxsim.forces.medium.fluid import has_fluid, link_drag
 from jaxsim.forces.orientation import force_rows
 from jaxsim.forces.pid import PID
 from jaxsim.model import Model

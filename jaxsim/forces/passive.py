@@ -11,8 +11,8 @@ from jaxsim.dynamics.velocity import Velocities
 from jaxsim.forces.adhesion import qfrc_adhesion
 from jaxsim.forces.cable import qfrc_cable
 from jaxsim.forces.damper import qfrc_damper
-from jaxsim.forces.fluid import qfrc_fluid
 from jaxsim.forces.gravcomp import qfrc_gravcomp
+from jaxsim.forces.medium.fluid import qfrc_fluid
 from jaxsim.forces.spring import qfrc_spring
 from jaxsim.model import Model
 

@@ -18,8 +18,8 @@ from jaxsim.arrays.indexing import sum_by, take
 from jaxsim.dynamics.kinematics import Kinematics
 from jaxsim.dynamics.rnea import project_wrench
 from jaxsim.dynamics.velocity import Velocities, body_twists
-from jaxsim.forces.ellipsoid_fluid import EllipsoidDrag, ellipsoid_drag
-from jaxsim.forces.inertia_box import BoxDrag, box_drag
+from jaxsim.forces.medium.ellipsoid_fluid import EllipsoidDrag, ellipsoid_drag
+from jaxsim.forces.medium.inertia_box import BoxDrag, box_drag
 from jaxsim.model import Model
 
 _SPRING = mujoco.mjtDisableBit.mjDSBL_SPRING

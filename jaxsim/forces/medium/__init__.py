@@ -1,0 +1,1 @@
+"""Forces of the medium: drag, lift and added mass of boxes and ellipsoids."""
