@@ -217,6 +217,12 @@ def write(
     print(f"written to {target}.json")
 
 
+def converge(mj) -> None:
+    """Let MuJoCo's solvers and its search for contacts of convex shapes go on to the end."""
+    mj.opt.tolerance, mj.opt.noslip_tolerance = 0, 0
+    mj.opt.ccd_iterations, mj.opt.ccd_tolerance = 500, 1e-15
+
+
 def quick_options(level: int) -> dict[str, bool | int]:
     """Options of XLA for programs that run a few times: a level of optimisation, fast compilation.
 

@@ -234,8 +234,7 @@ def _converged(mj: mujoco.MjModel, model):
         settings["noslip_iterations"] = 10_000
     for name, value in settings.items():
         setattr(mj.opt, name, value)
-    mj.opt.tolerance, mj.opt.noslip_tolerance = 0, 0
-    mj.opt.ccd_iterations, mj.opt.ccd_tolerance = 500, 1e-15
+    common.converge(mj)
     return model.replace(opt=model.opt.replace(tolerance=0 * model.opt.tolerance, **settings))
 
 

@@ -29,6 +29,14 @@ def scalar_actuators(model: Model) -> np.ndarray:
     return np.nonzero(~others)[0]
 
 
+def activation_rows(model: Model, ids: np.ndarray) -> np.ndarray:
+    """Places in `act` of the states of some actuators' dynamics; static.
+
+    A PID controller has states of its own before it.
+    """
+    return model.actuator_actadr[ids] + model.actuator_actnum[ids] - 1
+
+
 def activation_rate(model: Model, drive: Drive) -> Float[Array, "na"]:
     """Rates of the activations.
 
@@ -68,8 +76,7 @@ def _scalar_rates(model: Model, drive: Drive) -> Part:
         _FILTEREXACT: lag,
         _MUSCLE: muscle_activation_rate,
     }
-    # A PID controller has states of its own, too; this one is the last.
-    rows = model.actuator_actadr[ids] + model.actuator_actnum[ids] - 1
+    rows = activation_rows(model, ids)
     inputs = take(drive.ctrl, model.actuator_ctrladr[ids]), take(drive.act, rows)
     prm = take(model.actuator_dynprm, ids)
     return rows, apply_by_kind(model.actuator_dyntype[ids], kinds, *inputs, prm, empty=inputs[1])

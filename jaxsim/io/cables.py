@@ -25,11 +25,13 @@ def cable_leaf(mj: mujoco.MjModel) -> dict[str, np.ndarray]:
     It is `(G J, E I_y, E I_z) / L` with the plugin's `twist` G and `bend` E (Pa), the cross-section
     of the body's first geom, and the distance L from the body before (m). Zero elsewhere.
     """
-    stiffness = np.zeros((mj.nbody, 3))
+    stiffness, cables = np.zeros((mj.nbody, 3)), list(_cables(mj))
+    if not cables:
+        return {"body_cable": stiffness}
     data = mujoco.MjData(mj)
     data.qpos[:] = mj.qpos0
     mujoco.mj_kinematics(mj, data)
-    for bodies, given in _cables(mj):
+    for bodies, given in cables:
         twist, bend = number(given["twist"]), number(given["bend"])
         for body in bodies[1:]:
             length = np.linalg.norm(data.xpos[body] - data.xpos[body - 1])

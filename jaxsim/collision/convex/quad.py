@@ -38,15 +38,15 @@ def widest_four(
         larger = size > largest
         following = jnp.where(larger, jnp.where(turn == 0, 1, turn), (turn + 1) % 3)
         at = jnp.where(larger, moved, at)
-        # Of a polygon without area, rounding may let them go around for ever.
-        ends = (turn == 0) & ~larger | (tries == most)
+        ends = (turn == 0) & ~larger
         return at, jnp.where(larger, size, largest), following, ends, tries + 1
 
-    # Each of the three goes around once at most, and fails as often as the third goes forward.
+    # Each of the three goes around once at most, and the other two fail once after each step of the
+    # third. Of a polygon without area, rounding may let them go around for ever.
     most = 8 * len(points)
     start, zero = jnp.arange(1, 4), jnp.zeros((), int)
     state = start, area(*start), zero, count <= 4, zero
-    at = lax.while_loop(lambda s: ~s[3], advance, state)[0]
+    at = lax.while_loop(lambda s: ~s[3] & (s[4] < most), advance, state)[0]
     return jnp.concatenate([order[:1], order[at]])
 
 

@@ -9,7 +9,7 @@ from jaxsim.arrays.running_sum import add_rounding_up
 from jaxsim.engine.instant import Instant
 from jaxsim.engine.integrators.integrator import Step
 from jaxsim.engine.status import Status
-from jaxsim.forces.activation import next_activation
+from jaxsim.forces.activation import activation_rows, next_activation
 from jaxsim.forces.actuation import Paths, disabled_actuators
 from jaxsim.forces.orientation import canonical_setpoints
 from jaxsim.forces.servo import integrated_setpoints, nearest_setpoint
@@ -76,8 +76,7 @@ def next_activations(
     rate = jnp.where(disabled_actuators(model)[model.structure.act_actuator], 0, act_dot)
     after = next_activation(model, act, rate, velocity, model.opt.timestep)
     if len(ids := integrated_setpoints(model)):
-        rows = model.actuator_actadr[ids] + model.actuator_actnum[ids] - 1
-        near = take(length, model.actuator_outadr[ids])
+        rows, near = activation_rows(model, ids), take(length, model.actuator_outadr[ids])
         wrapped = nearest_setpoint(model, ids, take(after, rows), near)
         after = after.at[rows].set(wrapped, unique_indices=True)
     return canonical_setpoints(model, after)
