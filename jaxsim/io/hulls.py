@@ -1,7 +1,8 @@
 """Convex hulls of the meshes that may collide, as arrays padded to equal size.
 
 MuJoCo's compiler computes the hulls (of at most `maxhullvert` corners) and merges their triangles
-into flat faces. Merging may leave out a corner that hardly protrudes; such a corner is on no face.
+into flat faces. Merging may leave out a corner that hardly protrudes; as in MuJoCo, such a corner
+belongs to the hull and is on no face.
 Corners are stored in units of the geom's size, the largest absolute coordinate of the mesh along
 each axis.
 """
@@ -20,8 +21,6 @@ from jaxsim.model.problems import ModelProblem
 
 # Faces with more corners are simplified.
 MAX_SIDES = 64
-# A corner that merging has left out is kept if it protrudes by this fraction of the mesh's size.
-PROTRUDES = 1e-7
 # Hulls with more corners give a warning, because their collisions are slow.
 MANY_CORNERS = 128
 
@@ -225,10 +224,7 @@ def _hull(mj: mujoco.MjModel, mesh: int, geom: int) -> _Hull:
     # Dividing corners by the size multiplies the normals of planes with it.
     normals = mj.mesh_polynormal[polygons] * size
     on_faces = np.unique(ring)
-    others = np.setdiff1d(_of_graph(mj, mesh), on_faces)
-    on_own = vertices[ring[np.cumsum(count) - 1]]
-    above = _protruding(vertices[others], vertices[on_faces], normals, on_own)
-    kept = np.concatenate([on_faces, others[above]])
+    kept = np.concatenate([on_faces, np.setdiff1d(_of_graph(mj, mesh), on_faces)])
     number = np.full(len(vertices), -1)
     number[kept] = np.arange(len(kept))
     return _Hull(vertices[kept], normals, number[ring], count)
@@ -239,25 +235,6 @@ def _of_graph(mj: mujoco.MjModel, mesh: int) -> np.ndarray:
     start = mj.mesh_graphadr[mesh]
     count = mj.mesh_graph[start] if start >= 0 else 0
     return mj.mesh_graph[start + 2 + count : start + 2 + 2 * count]
-
-
-def _protruding(
-    points: np.ndarray, corners: np.ndarray, normals: np.ndarray, on_faces: np.ndarray
-) -> np.ndarray:
-    """Which points are higher than all corners above one of some faces.
-
-    Args:
-      points: (n, 3) points.
-      corners: (v, 3) corners of all faces.
-      normals: (f, 3) normals of the faces, of any length.
-      on_faces: (f, 3) a corner of each.
-    """
-    unit = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-    height = points @ unit.T
-    # Of most faces, all points are below a corner of their own.
-    some = np.any(height - np.sum(unit * on_faces, axis=1) > PROTRUDES, axis=0)
-    highest = np.max(corners @ unit[some].T, axis=0)
-    return np.any(height[:, some] - highest > PROTRUDES, axis=1)
 
 
 def _warn_of_many_corners(size: np.ndarray, labels: list[str]) -> None:

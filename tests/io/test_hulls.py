@@ -115,3 +115,23 @@ def test_scale_does_not_go_back_to_mujoco():
     jaxsim.to_mujoco(model)
     with pytest.raises(jaxsim.ModelError, match="'first'.*mesh"):
         jaxsim.to_mujoco(model.replace(geom_size=model.geom_size * 2))
+
+
+def test_corners_on_no_face_belong_to_the_hull():
+    """Above the lid of a drum, 20 corners protrude by so little that MuJoCo merges the triangles."""
+    rng = np.random.default_rng(0)
+    ring, inside = (
+        0.1 * radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        for radius, angle in (
+            (np.ones(12), np.sort(rng.uniform(0, 6.28, 12))),
+            (0.8 * np.sqrt(rng.uniform(size=20)), rng.uniform(0, 6.28, 20)),
+        )
+    )
+    domed = 0.05 + 1e-6 * (1 - 100 * np.sum(inside**2, axis=1))
+    corners = [np.insert(ring, 2, -0.05, axis=1), np.insert(ring, 2, 0.05, axis=1)]
+    points = np.concatenate([*corners, np.column_stack([inside, domed])])
+    vertices = " ".join(f"{x:.9f}" for x in points.ravel())
+    asset = f'<mesh name="drum" vertex="{vertices}"/>'
+    model = jaxsim.load(scene('type="mesh" mesh="drum"', asset=asset))
+    assert model.hull_size[0, 0] == 44
+    assert model.hull_size[0, 1] < 20

@@ -33,9 +33,11 @@ from jaxsim.collision.spread import one_hot, pick
 
 # Distance of q from the surface in each step of the search, in sizes of the smaller solid.
 BEYOND = (0.4,) * 3 + (0.04,) * 4 + (0.01,) * 5
-# The last of these again, so many times, for solids with round caps: along a line of a cylinder's
-# side that is almost level, support points jump from end to end.
-CAPPED = 4
+# More for solids with round caps: along a line of a cylinder's side that is almost level, support
+# points jump from end to end.
+CAPPED = (0.01,) * 4
+# More for solids with MANY corners: from further away, faces that hardly differ look the same.
+FINE, MANY = (0.001,) * 8, 128
 # For overlaps deeper than DEEP, in the same unit, the search starts from STARTS more directions,
 # whose cosines with each other are below DIFFERENT.
 DEEP, STARTS, DIFFERENT = 0.01, 4, 0.95
@@ -89,6 +91,13 @@ def _climb_more(solids: SolidPair, found: SearchResult, guesses, values) -> Sear
     return lax.scan(attempt, (found, values > jnp.inf), length=STARTS)[0][0]
 
 
+def distances(solids: SolidPair) -> tuple[float, ...]:
+    """Distances of q from the surface in each step, in sizes of the smaller solid."""
+    both = solids.first, solids.second
+    more = CAPPED if any(s.capped for s in both) else ()
+    return BEYOND + more + (FINE if any(s.faceted and len(s.corner) > MANY for s in both) else ())
+
+
 def _start(solids: SolidPair, n: Float[Array, "3"]) -> SearchResult:
     value, vertex = _separation(solids, n)
     corners = jax.tree.map(lambda x: jnp.stack([x, x, x]), vertex)
@@ -102,9 +111,7 @@ def _separation(solids: SolidPair, n: Float[Array, "3"]) -> tuple[Float[Array, "
 
 def _climb(solids: SolidPair, n: Float[Array, "3"]) -> SearchResult:
     """Search for a local maximum of the separation, starting from n."""
-    capped = solids.first.capped or solids.second.capped
-    steps = BEYOND + BEYOND[-1:] * (CAPPED if capped else 0)
-    beyond = jnp.asarray(np.array(steps), n.dtype) * solids.size
+    beyond = jnp.asarray(np.array(distances(solids)), n.dtype) * solids.size
     return lax.scan(lambda found, x: (_step(solids, found, x), None), _start(solids, n), beyond)[0]
 
 

@@ -18,7 +18,7 @@ from flax import struct
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsim.collision.convex.search import BEYOND, SearchResult
+from jaxsim.collision.convex.search import SearchResult, distances
 from jaxsim.collision.convex.simplex import closest_with
 from jaxsim.collision.convex.solid_pair import SolidPair, Vertices
 from jaxsim.collision.frames import direction, unit
@@ -163,7 +163,7 @@ def _span(solids: SolidPair, found: SearchResult, n: Float[Array, "3"]) -> _Span
     base = one_hot(found.weights)
     order = [jnp.roll(base, shift) for shift in range(3)]
     at, one, last = (jnp.sum(jnp.where(m[:, None], corners, 0), axis=0) for m in order)
-    q = -n * jnp.maximum(BEYOND[-1] * size - n @ at, 0)
+    q = -n * jnp.maximum(distances(solids)[-1] * size - n @ at, 0)
     _, weights, k = closest_with(at - q, jnp.stack([one, last, last]) - q[None])
     # The triangle is tried twice, with `one` before `last` (k = 0) and after it (k = 2).
     first, second = weights[1:]
