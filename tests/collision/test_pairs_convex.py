@@ -135,6 +135,9 @@ def test_many_corners_agree_with_mujoco(rng, contacts_of):
     assert len(off) > 150
     assert off.mean() < 0.02
     assert np.mean(count != np.sum(dist < 0, axis=1)) < 0.01
+    deepest = [d.contact.dist.min() for d in datas if d.ncon]
+    deeper = np.abs(np.min(dist, axis=1)[count > 0] - deepest)
+    assert np.mean(deeper > 1e-6) < 0.02
 
 
 @pytest.mark.parametrize("names", GENERAL, ids="-".join)

@@ -118,7 +118,7 @@ def test_scale_does_not_go_back_to_mujoco():
 
 
 def test_corners_on_no_face_belong_to_the_hull():
-    """Above the lid of a drum, 20 corners protrude by so little that MuJoCo merges the triangles."""
+    """On a lid, 20 corners protrude by so little that MuJoCo merges the triangles between them."""
     rng = np.random.default_rng(0)
     ring, inside = (
         0.1 * radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)

@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from jaxsim.batching.primitives.decisions import any_in_batch
 from jaxsim.collision.convex.manifold import Manifold
-from jaxsim.collision.convex.quad import clipped_order, widest_four
+from jaxsim.collision.convex.quad import clipped, widest_four
 from jaxsim.collision.convex.solid import Feature
 from jaxsim.collision.convex.solid_pair import SolidPair
 from jaxsim.collision.convex.touch import Touch
@@ -64,7 +64,7 @@ def face_contacts(solids: SolidPair, touch: Touch) -> Manifold:
     # Those that MuJoCo lists; more than four of them are thinned out.
     limit = lax.stop_gradient(jnp.asarray(solids.margin, touch.dist.dtype))
     faces = _between_faces(solids, meeting, ring1, (ring2, count2), limit)
-    edges = _on_edge(meeting, ring1, ring2, limit)
+    edges = _on_edge(solids, meeting, ring1, ring2, limit)
     several = jax.tree.map(lambda x, y: jnp.where(meeting.faces, x, y), faces, edges)
     lies = meeting.faces | meeting.edge_of_first | meeting.edge_of_second
     lies = lies & jnp.any(several.exists)
@@ -132,6 +132,12 @@ def _row_and_column(x: Shaped[Array, "m n"]) -> tuple[Bool[Array, "m"], Bool[Arr
     return jnp.any(largest, axis=1), jnp.any(largest, axis=0)
 
 
+def _rounding(solids: SolidPair) -> Float[Array, ""]:
+    """Lengths below this may be rounding errors: corners that are equal, too, are rounded apart."""
+    reach = solids.first.reach + solids.second.reach
+    return lax.stop_gradient(4 * float(jnp.finfo(reach.dtype).eps) * reach)
+
+
 def _between_faces(solids: SolidPair, meeting: _Meeting, ring1, ring_count2, limit) -> Manifold:
     """Corners of the intersection in the plane of the first face, projected along its normal.
 
@@ -143,14 +149,32 @@ def _between_faces(solids: SolidPair, meeting: _Meeting, ring1, ring_count2, lim
     frame = contact_frame(n1, tangent_of(n1))
     flat1, flat2 = ring1 @ frame.T, ring2 @ frame.T
     points, exists = overlap_corners(flat2[:, 1:], flat1[::-1, 1:], solids.size)
+    exists = exists & meeting.faces
     height = jnp.broadcast_to(flat1[0, 0], (len(points), 1))
     on_first = jnp.concatenate([height, points], axis=1) @ frame
     on_second = _on_edges(flat2, points[: len(ring2)]) @ frame
     on_second = jnp.concatenate([on_second, jnp.repeat(ring2[:1], len(ring1), axis=0)])
     dist = (on_first - on_second) @ n2
-    exists = exists & meeting.faces & (lax.stop_gradient(dist) <= limit)
-    flat = lax.stop_gradient((points, flat1[:, 1:], flat2[:, 1:], solids.size))
-    numbers, kept = _at_most_four(*flat, exists, count2)
+    small = _rounding(solids)
+    uneven = jnp.any(jnp.abs((ring2 - ring2[:1]) @ n2) > small)
+
+    def clip():
+        subject, window = jnp.roll(flat2, -1, axis=1), flat1[:, 1:]
+        found = clipped(*lax.stop_gradient((subject, count2, window, small)))
+        # Corners of the first face, where the second is not quite flat.
+        theirs = (flat1[0, 0] - found.height) * (n1 @ n2)
+        inside = jnp.any(found.order[None] == jnp.arange(len(points))[:, None], axis=1)
+        inside = inside & (jnp.arange(len(points)) >= len(ring2))
+        return found.order, lax.stop_gradient(jnp.where(inside, theirs - dist, 0))
+
+    def flat():
+        return jnp.full(len(points), -1, jnp.int32), jnp.zeros_like(dist)
+
+    many = (jnp.sum(exists) > COUNT) | (uneven & meeting.faces)
+    order, above = lax.cond(any_in_batch(many), clip, flat)
+    dist = dist + above
+    exists = exists & (lax.stop_gradient(dist) <= limit)
+    numbers, kept = _at_most_four(lax.stop_gradient(points), exists, order)
     dist, on_first = dist[numbers], on_first[numbers]
     return Manifold(dist, on_first - n2[None] * (dist / 2)[:, None], kept, -n2)
 
@@ -163,7 +187,7 @@ def _on_edges(ring: Float[Array, "p 3"], points: Float[Array, "p 2"]) -> Float[A
     return ring + (along / jnp.where(square > 0, square, 1))[:, None] * step
 
 
-def _at_most_four(points, window, subject, size, exists, count2):
+def _at_most_four(points, exists, order):
     """Numbers of four corners, and whether each exists."""
     number = jnp.sum(exists)
     rank = jnp.cumsum(exists) - 1
@@ -171,8 +195,6 @@ def _at_most_four(points, window, subject, size, exists, count2):
     some = jnp.sum(jnp.where(chosen, jnp.arange(len(points)), 0), axis=1, dtype=jnp.int32)
 
     def widest():
-        small = 4 * float(jnp.finfo(points.dtype).eps) * size
-        order = clipped_order(subject, count2, window, small)
         found = widest_four(points, exists, order)
         # If rounding has led to other corners, the polygon's first corners are as good.
         right = exists[found].all() & (found >= 0).all()
@@ -182,12 +204,12 @@ def _at_most_four(points, window, subject, size, exists, count2):
     return numbers, jnp.arange(COUNT) < number
 
 
-def _on_edge(meeting: _Meeting, ring1, ring2, limit) -> Manifold:
+def _on_edge(solids: SolidPair, meeting: _Meeting, ring1, ring2, limit) -> Manifold:
     """The ends of an edge, clipped by the sides of a face; a cut end counts twice if alone."""
     sides = max(len(ring1), len(ring2))
     ring = jnp.where(meeting.edge_of_second, *(_padded(r, sides) for r in (ring1, ring2)))
     normal = jnp.where(meeting.edge_of_second, meeting.normal1, meeting.normal2)
-    begin, end = _within(meeting.edge, ring, normal)
+    begin, end = _within(meeting.edge, ring, normal, _rounding(solids))
     step = meeting.edge[1] - meeting.edge[0]
     ends = meeting.edge[:1] + jnp.stack([begin, end])[:, None] * step[None]
     dist = (ends - ring[:1]) @ normal
@@ -205,9 +227,19 @@ def _padded(ring: Float[Array, "p 3"], sides: int) -> Float[Array, "{sides} 3"]:
     return jnp.concatenate([ring, jnp.repeat(ring[-1:], sides - len(ring), axis=0)])
 
 
-def _within(edge: Float[Array, "2 3"], ring: Float[Array, "p 3"], normal: Float[Array, "3"]):
-    """The part of an edge above or below a face (Cyrus and Beck, 1978), as fractions of it."""
-    inward = jnp.cross(jnp.roll(ring, -1, axis=0) - ring, normal[None])
+def _within(
+    edge: Float[Array, "2 3"],
+    ring: Float[Array, "p 3"],
+    normal: Float[Array, "3"],
+    small: Float[Array, ""],
+):
+    """The part of an edge above or below a face (Cyrus and Beck, 1978), as fractions of it.
+
+    Sides not longer than `small` are padding.
+    """
+    side = jnp.roll(ring, -1, axis=0) - ring
+    side = jnp.where(jnp.sum(side**2, axis=1, keepdims=True) > small**2, side, 0)
+    inward = jnp.cross(side, normal[None])
     from_start, from_end = (jnp.sum(inward * (x[None] - ring), axis=1) for x in edge)
     rise = from_end - from_start
     crossing = -from_start / jnp.where(rise != 0, rise, 1)

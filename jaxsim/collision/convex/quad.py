@@ -8,6 +8,7 @@ corners' numbers. It has no derivatives.
 
 import jax
 import jax.numpy as jnp
+from flax import struct
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
@@ -50,39 +51,57 @@ def widest_four(
     return jnp.concatenate([order[:1], order[at]])
 
 
-def clipped_order(
-    subject: Float[Array, "m 2"],
+@struct.dataclass
+class Clipped:
+    """The intersection of two polygons as the algorithm of Sutherland and Hodgman (1974) leaves it.
+
+    Corners are numbered as by `overlap_corners(subject, window[::-1], ...)`: by the edge that
+    starts there.
+
+    Attributes:
+      order: numbers of the corners around it, padded by -1.
+      height: height of each corner by its number, 0 of others.
+    """
+
+    order: Int[Array, "n"]
+    height: Float[Array, "n"]
+
+
+def clipped(
+    subject: Float[Array, "m 3"],
     corners: Int[Array, ""] | int,
     window: Float[Array, "k 2"],
     small: Float[Array, ""],
-) -> Int[Array, "m+k"]:
-    """The order in which the algorithm of Sutherland and Hodgman (1974) leaves the corners.
+) -> Clipped:
+    """Clip one polygon by the lines of another, seen from above.
+
+    The corners of a polygon that is not quite flat have heights of their own, and a cut is at the
+    height of the edge that is cut, which may be due to an earlier cut.
 
     Args:
-      subject: a convex polygon, counterclockwise; its last corner is repeated as padding.
+      subject: a convex polygon, counterclockwise; its last corner is repeated as padding. The third
+        coordinate is the height.
       corners: number of its different corners.
       window: a convex polygon, clockwise, padded in the same way.
       small: points outside by less than this length are inside.
-
-    Returns:
-      Numbers of the intersection's corners around it, padded by -1. Corners are numbered as by
-      `overlap_corners(subject, window[::-1], ...)`: by the edge that starts there.
     """
     m, k = len(subject), len(window)
     slot = jnp.arange(m + k, dtype=jnp.int32)
     edge = jnp.where(slot == corners - 1, m - 1, slot)
-    point = jnp.concatenate([subject, jnp.zeros((k, 2), subject.dtype)])
+    point = jnp.concatenate([subject, jnp.zeros((k, 3), subject.dtype)])
 
     def clip(state, line):
         start, end, number = line
         new = _clip(state, start, end, number, small)
         side = end - start
-        return jax.tree.map(lambda x, y: jnp.where(side @ side > 0, x, y), new, state), None
+        return jax.tree.map(lambda x, y: jnp.where(side @ side > small**2, x, y), new, state), None
 
     number = (m + (k - 2 - jnp.arange(k)) % k).astype(jnp.int32)
     state = point, edge, jnp.asarray(corners, jnp.int32)
-    _, edge, count = lax.scan(clip, state, (window, jnp.roll(window, -1, axis=0), number))[0]
-    return jnp.where(slot < count, edge, -1)
+    point, edge, count = lax.scan(clip, state, (window, jnp.roll(window, -1, axis=0), number))[0]
+    order = jnp.where(slot < count, edge, -1)
+    height = jnp.sum(jnp.where(order[None] == slot[:, None], point[:, 2], 0), axis=1)
+    return Clipped(order, height)
 
 
 def _clip(state, start, end, number, small):
@@ -91,7 +110,7 @@ def _clip(state, start, end, number, small):
     slot = jnp.arange(len(point), dtype=jnp.int32)
     side = end - start
     rightward = jnp.stack([side[1], -side[0]]) / jnp.sqrt(jnp.maximum(side @ side, small**2))
-    height = (point - start[None]) @ rightward
+    height = (point[:, :2] - start[None]) @ rightward
     inside = height > -small
     following = jnp.where(slot + 1 < count, slot + 1, 0)
     enters = inside[following] & (slot < count)
