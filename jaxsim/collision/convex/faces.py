@@ -139,55 +139,58 @@ def _rounding(solids: SolidPair) -> Float[Array, ""]:
 
 
 def _between_faces(solids: SolidPair, meeting: _Meeting, ring1, ring_count2, limit) -> Manifold:
-    """Corners of the intersection in the plane of the first face, projected along its normal.
+    """Corners of the second face, clipped by the first, and their projections on it along n2.
 
-    A contact is between such a corner and its projection on the second face. The compiler merges
-    triangles to faces that are flat up to 1e-5 m or so, hence what is on an edge stays there.
+    The compiler merges triangles to faces that are flat and convex up to 1e-5 m or so. Such a face
+    is clipped step by step; derivatives are those of a flat one.
     """
     ring2, count2 = ring_count2
     n1, n2 = meeting.normal1, meeting.normal2
     frame = contact_frame(n1, tangent_of(n1))
     flat1, flat2 = ring1 @ frame.T, ring2 @ frame.T
     points, exists = overlap_corners(flat2[:, 1:], flat1[::-1, 1:], solids.size)
-    exists = exists & meeting.faces
-    height = jnp.broadcast_to(flat1[0, 0], (len(points), 1))
-    on_first = jnp.concatenate([height, points], axis=1) @ frame
-    on_second = _on_edges(flat2, points[: len(ring2)]) @ frame
-    on_second = jnp.concatenate([on_second, jnp.repeat(ring2[:1], len(ring1), axis=0)])
-    dist = (on_first - on_second) @ n2
-    small = _rounding(solids)
+    corners = jnp.concatenate([_heights(flat2, frame @ n2, points)[:, None], points], axis=1)
+    fixed, small = lax.stop_gradient(corners), _rounding(solids)
     uneven = jnp.any(jnp.abs((ring2 - ring2[:1]) @ n2) > small)
+    step_by_step = meeting.faces & (uneven | (jnp.sum(exists) > COUNT))
 
     def clip():
         subject, window = jnp.roll(flat2, -1, axis=1), flat1[:, 1:]
-        found = clipped(*lax.stop_gradient((subject, count2, window, small)))
-        # Corners of the first face, where the second is not quite flat.
-        theirs = (flat1[0, 0] - found.height) * (n1 @ n2)
-        inside = jnp.any(found.order[None] == jnp.arange(len(points))[:, None], axis=1)
-        inside = inside & (jnp.arange(len(points)) >= len(ring2))
-        return found.order, lax.stop_gradient(jnp.where(inside, theirs - dist, 0))
+        found, number = clipped(*lax.stop_gradient((subject, count2, window, small)))
+        found = jnp.roll(found, 1, axis=1), number, number >= 0
+        return jax.tree.map(lambda x, y: jnp.where(step_by_step, x, y), found, at_once())
 
-    def flat():
-        return jnp.full(len(points), -1, jnp.int32), jnp.zeros_like(dist)
+    def at_once():
+        return fixed, jnp.arange(len(fixed), dtype=jnp.int32), exists
 
-    many = (jnp.sum(exists) > COUNT) | (uneven & meeting.faces)
-    order, above = lax.cond(any_in_batch(many), clip, flat)
-    dist = dist + above
-    exists = exists & (lax.stop_gradient(dist) <= limit)
-    numbers, kept = _at_most_four(lax.stop_gradient(points), exists, order)
-    dist, on_first = dist[numbers], on_first[numbers]
-    return Manifold(dist, on_first - n2[None] * (dist / 2)[:, None], kept, -n2)
+    at, number, exists = lax.cond(any_in_batch(step_by_step), clip, at_once)
+    facing = n1 @ n2
+    dist = lax.stop_gradient((flat1[0, 0] - at[:, 0]) * facing)
+    slots, kept = _at_most_four(at, exists & meeting.faces & (dist <= limit))
+    at, corners = at[slots], corners[number[slots]]
+    corners = corners + lax.stop_gradient(at - corners)
+    dist = (flat1[0, 0] - corners[:, 0]) * facing
+    on_first = jnp.concatenate(
+        [jnp.broadcast_to(flat1[:1, :1], (COUNT, 1)), corners[:, 1:]], axis=1
+    )
+    return Manifold(dist, on_first @ frame - n2[None] * (dist / 2)[:, None], kept, -n2)
 
 
-def _on_edges(ring: Float[Array, "p 3"], points: Float[Array, "p 2"]) -> Float[Array, "p 3"]:
-    """The points of a polygon's edges, one each, whose last two coordinates are given."""
+def _heights(ring: Float[Array, "p 3"], normal: Float[Array, "3"], points: Float[Array, "n 2"]):
+    """Heights of a face at points, of which the first p are on its edges, one each.
+
+    The height is the first coordinate.
+    """
     step = jnp.roll(ring, -1, axis=0) - ring
     square = jnp.sum(step[:, 1:] ** 2, axis=1)
-    along = jnp.sum((points - ring[:, 1:]) * step[:, 1:], axis=1)
-    return ring + (along / jnp.where(square > 0, square, 1))[:, None] * step
+    along = jnp.sum((points[: len(ring)] - ring[:, 1:]) * step[:, 1:], axis=1)
+    on_edges = ring[:, 0] + along / jnp.where(square > 0, square, 1) * step[:, 0]
+    upright = jnp.where(normal[0] == 0, 1, normal[0])
+    inside = ring[0, 0] - (points[len(ring) :] - ring[:1, 1:]) @ normal[1:] / upright
+    return jnp.concatenate([on_edges, inside])
 
 
-def _at_most_four(points, exists, order):
+def _at_most_four(points, exists):
     """Numbers of four corners, and whether each exists."""
     number = jnp.sum(exists)
     rank = jnp.cumsum(exists) - 1
@@ -195,10 +198,7 @@ def _at_most_four(points, exists, order):
     some = jnp.sum(jnp.where(chosen, jnp.arange(len(points)), 0), axis=1, dtype=jnp.int32)
 
     def widest():
-        found = widest_four(points, exists, order)
-        # If rounding has led to other corners, the polygon's first corners are as good.
-        right = exists[found].all() & (found >= 0).all()
-        return jnp.where((number > COUNT) & right, found, some)
+        return jnp.where(number > COUNT, widest_four(points, exists).astype(jnp.int32), some)
 
     numbers = lax.cond(any_in_batch(number > COUNT), widest, lambda: some)
     return numbers, jnp.arange(COUNT) < number

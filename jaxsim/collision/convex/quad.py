@@ -1,70 +1,63 @@
 """Four corners of the intersection of two convex polygons, where it has more.
 
-MuJoCo clips one polygon by the lines of the other, and then moves three corners of a quadrilateral
-forward while its area grows; its first corner is the first of the clipped polygon. Which corner
-that is, and with it the result, depends on the order of the clipping. This does the same with the
-corners' numbers. It has no derivatives.
+MuJoCo clips one polygon by the lines of the other. Then the first corner of a quadrilateral goes
+once around the clipped polygon, and the other three go forward while the area grows. Where that
+ends depends on the order of the clipping. This does the same with the corners' numbers. It has no
+derivatives.
 """
 
 import jax
 import jax.numpy as jnp
-from flax import struct
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 
-def widest_four(
-    points: Float[Array, "n 2"], exists: Bool[Array, "n"], order: Int[Array, "n"]
-) -> Int[Array, "4"]:
+def widest_four(points: Float[Array, "n 3"], exists: Bool[Array, "n"]) -> Int[Array, "4"]:
     """Numbers of four corners of a large quadrilateral.
 
     Args:
-      points: corners of a convex polygon, in any order.
+      points: corners of a convex polygon, in order.
       exists: whether each counts.
-      order: numbers of corners around the polygon, -1 at the end.
     """
-    kept = exists[order] & (order >= 0)
-    order = order[jnp.argsort(~kept, stable=True)]
-    corner, count = points[order], jnp.sum(kept)
+    order = jnp.argsort(~exists, stable=True)
+    corner, count = points[order], jnp.sum(exists)
 
-    def area(b, c, d):
-        x, y = corner[c] - corner[0], corner[d] - corner[b]
-        return jnp.abs(x[0] * y[1] - x[1] * y[0])
+    def area(at):
+        a, b, c, d = corner[at]
+        twice = jnp.cross(c - a, d - b)
+        return jnp.sqrt(twice @ twice)
 
     def advance(state):
-        # The third of the moving corners goes first, then the second, then the first.
-        at, largest, turn, _, tries = state
-        moved = jnp.where(jnp.arange(3) == 2 - turn, (at + 1) % count, at)
-        size = area(*moved)
+        # The last corner goes first, then the third, then the second.
+        at, widest, largest, turn, tries = state
+        moved = jnp.where(jnp.arange(4) == 3 - turn, (at + 1) % count, at)
+        size = area(moved)
         larger = size > largest
-        following = jnp.where(larger, jnp.where(turn == 0, 1, turn), (turn + 1) % 3)
-        at = jnp.where(larger, moved, at)
+        at, widest = jnp.where(larger, moved, at), jnp.where(larger, moved, widest)
         ends = (turn == 0) & ~larger
-        return at, jnp.where(larger, size, largest), following, ends, tries + 1
+        turn = jnp.where(larger, jnp.maximum(turn, 1), (turn + 1) % 3)
+        at = jnp.where(ends, _from_next(at, count), at)
+        return at, widest, jnp.maximum(size, largest), jnp.where(ends, 0, turn), tries + 1
 
-    # Each of the three goes around once at most, and the other two fail once after each step of the
-    # third. Of a polygon without area, rounding may let them go around for ever.
-    most = 8 * len(points)
-    start, zero = jnp.arange(1, 4), jnp.zeros((), int)
-    state = start, area(*start), zero, count <= 4, zero
-    at = lax.while_loop(lambda s: ~s[3] & (s[4] < most), advance, state)[0]
-    return jnp.concatenate([order[:1], order[at]])
+    # The first corner goes around once and the others not much further, and some tries fail after
+    # each step. Of a polygon without area, rounding may let them go around for ever.
+    most = 16 * len(points)
+    start, zero = jnp.arange(4), jnp.zeros((), int)
+    state = start, start, area(start), zero, zero
+    going = lambda s: (s[0][0] < count) & (count > 4) & (s[4] < most)  # noqa: E731
+    return order[lax.while_loop(going, advance, state)[1]]
 
 
-@struct.dataclass
-class Clipped:
-    """The intersection of two polygons as the algorithm of Sutherland and Hodgman (1974) leaves it.
-
-    Corners are numbered as by `overlap_corners(subject, window[::-1], ...)`: by the edge that
-    starts there.
-
-    Attributes:
-      order: numbers of the corners around it, padded by -1.
-      height: height of each corner by its number, 0 of others.
-    """
-
-    order: Int[Array, "n"]
-    height: Float[Array, "n"]
+def _from_next(at: Int[Array, "4"], count: Int[Array, ""]) -> Int[Array, "4"]:
+    """The corners when the first is the next one; the others stay, but not behind the first."""
+    a, b, c, d = at
+    passed = b == a
+    b = jnp.where(passed, (b + 1) % count, b)
+    passed = passed & (c == b)
+    c = jnp.where(passed, (c + 1) % count, c)
+    passed = passed & (d == c)
+    d = jnp.where(passed, (d + 1) % count, d)
+    return jnp.stack([a + 1, b, c, d])
 
 
 def clipped(
@@ -72,8 +65,8 @@ def clipped(
     corners: Int[Array, ""] | int,
     window: Float[Array, "k 2"],
     small: Float[Array, ""],
-) -> Clipped:
-    """Clip one polygon by the lines of another, seen from above.
+) -> tuple[Float[Array, "m+k 3"], Int[Array, "m+k"]]:
+    """Clip a polygon by the lines of another (Sutherland and Hodgman, 1974), seen from above.
 
     The corners of a polygon that is not quite flat have heights of their own, and a cut is at the
     height of the edge that is cut, which may be due to an earlier cut.
@@ -84,6 +77,11 @@ def clipped(
       corners: number of its different corners.
       window: a convex polygon, clockwise, padded in the same way.
       small: points outside by less than this length are inside.
+
+    Returns:
+      The corners of the intersection in order, and their numbers, which are -1 where there are no
+      more. Corners are numbered as by `overlap_corners(subject, window[::-1], ...)`: by the edge
+      that starts there.
     """
     m, k = len(subject), len(window)
     slot = jnp.arange(m + k, dtype=jnp.int32)
@@ -99,9 +97,7 @@ def clipped(
     number = (m + (k - 2 - jnp.arange(k)) % k).astype(jnp.int32)
     state = point, edge, jnp.asarray(corners, jnp.int32)
     point, edge, count = lax.scan(clip, state, (window, jnp.roll(window, -1, axis=0), number))[0]
-    order = jnp.where(slot < count, edge, -1)
-    height = jnp.sum(jnp.where(order[None] == slot[:, None], point[:, 2], 0), axis=1)
-    return Clipped(order, height)
+    return point, jnp.where(slot < count, edge, -1)
 
 
 def _clip(state, start, end, number, small):
