@@ -132,12 +132,6 @@ def _row_and_column(x: Shaped[Array, "m n"]) -> tuple[Bool[Array, "m"], Bool[Arr
     return jnp.any(largest, axis=1), jnp.any(largest, axis=0)
 
 
-def _rounding(solids: SolidPair) -> Float[Array, ""]:
-    """Lengths below this may be rounding errors: corners that are equal, too, are rounded apart."""
-    reach = solids.first.reach + solids.second.reach
-    return lax.stop_gradient(4 * float(jnp.finfo(reach.dtype).eps) * reach)
-
-
 def _between_faces(solids: SolidPair, meeting: _Meeting, ring1, ring_count2, limit) -> Manifold:
     """Corners of the second face, clipped by the first, and their projections on it along n2.
 
@@ -149,15 +143,16 @@ def _between_faces(solids: SolidPair, meeting: _Meeting, ring1, ring_count2, lim
     frame = contact_frame(n1, tangent_of(n1))
     flat1, flat2 = ring1 @ frame.T, ring2 @ frame.T
     points, exists = overlap_corners(flat2[:, 1:], flat1[::-1, 1:], solids.size)
-    corners = jnp.concatenate([_heights(flat2, frame @ n2, points)[:, None], points], axis=1)
-    fixed, small = lax.stop_gradient(corners), _rounding(solids)
-    uneven = jnp.any(jnp.abs((ring2 - ring2[:1]) @ n2) > small)
+    height = _heights(flat2, frame @ n2, points, solids.rounding)
+    corners = jnp.concatenate([height[:, None], points], axis=1)
+    fixed = lax.stop_gradient(corners)
+    uneven = jnp.any(jnp.abs((ring2 - ring2[:1]) @ n2) > solids.rounding)
     step_by_step = meeting.faces & (uneven | (jnp.sum(exists) > COUNT))
 
     def clip():
-        subject, window = jnp.roll(flat2, -1, axis=1), flat1[:, 1:]
-        found, number = clipped(*lax.stop_gradient((subject, count2, window, small)))
-        found = jnp.roll(found, 1, axis=1), number, number >= 0
+        flat = lax.stop_gradient((flat2, count2, flat1[:, 1:], solids.rounding))
+        found, number = clipped(*flat)
+        found = found, number, number >= 0
         return jax.tree.map(lambda x, y: jnp.where(step_by_step, x, y), found, at_once())
 
     def at_once():
@@ -176,18 +171,32 @@ def _between_faces(solids: SolidPair, meeting: _Meeting, ring1, ring_count2, lim
     return Manifold(dist, on_first @ frame - n2[None] * (dist / 2)[:, None], kept, -n2)
 
 
-def _heights(ring: Float[Array, "p 3"], normal: Float[Array, "3"], points: Float[Array, "n 2"]):
-    """Heights of a face at points, of which the first p are on its edges, one each.
+def _sides(ring: Float[Array, "p 3"], small: Float[Array, ""]) -> Float[Array, "p 3"]:
+    """Vectors along the sides of a face; those not longer than `small` are padding, and zero.
+
+    Corners that are equal may be rounded apart, if products are fused with sums.
+    """
+    side = jnp.roll(ring, -1, axis=0) - ring
+    return jnp.where(jnp.sum(side**2, axis=1, keepdims=True) > small**2, side, 0)
+
+
+def _heights(
+    ring: Float[Array, "p 3"],
+    normal: Float[Array, "3"],
+    points: Float[Array, "n 2"],
+    small: Float[Array, ""],
+):
+    """Heights of a face at points, of which the first p are on its sides, one each.
 
     The height is the first coordinate.
     """
-    step = jnp.roll(ring, -1, axis=0) - ring
+    step = _sides(ring, small)
     square = jnp.sum(step[:, 1:] ** 2, axis=1)
     along = jnp.sum((points[: len(ring)] - ring[:, 1:]) * step[:, 1:], axis=1)
-    on_edges = ring[:, 0] + along / jnp.where(square > 0, square, 1) * step[:, 0]
+    on_sides = ring[:, 0] + along / jnp.where(square > 0, square, 1) * step[:, 0]
     upright = jnp.where(normal[0] == 0, 1, normal[0])
     inside = ring[0, 0] - (points[len(ring) :] - ring[:1, 1:]) @ normal[1:] / upright
-    return jnp.concatenate([on_edges, inside])
+    return jnp.concatenate([on_sides, inside])
 
 
 def _at_most_four(points, exists):
@@ -209,7 +218,7 @@ def _on_edge(solids: SolidPair, meeting: _Meeting, ring1, ring2, limit) -> Manif
     sides = max(len(ring1), len(ring2))
     ring = jnp.where(meeting.edge_of_second, *(_padded(r, sides) for r in (ring1, ring2)))
     normal = jnp.where(meeting.edge_of_second, meeting.normal1, meeting.normal2)
-    begin, end = _within(meeting.edge, ring, normal, _rounding(solids))
+    begin, end = _within(meeting.edge, ring, normal, solids.rounding)
     step = meeting.edge[1] - meeting.edge[0]
     ends = meeting.edge[:1] + jnp.stack([begin, end])[:, None] * step[None]
     dist = (ends - ring[:1]) @ normal
@@ -233,13 +242,8 @@ def _within(
     normal: Float[Array, "3"],
     small: Float[Array, ""],
 ):
-    """The part of an edge above or below a face (Cyrus and Beck, 1978), as fractions of it.
-
-    Sides not longer than `small` are padding.
-    """
-    side = jnp.roll(ring, -1, axis=0) - ring
-    side = jnp.where(jnp.sum(side**2, axis=1, keepdims=True) > small**2, side, 0)
-    inward = jnp.cross(side, normal[None])
+    """The part of an edge above or below a face (Cyrus and Beck, 1978), as fractions of it."""
+    inward = jnp.cross(_sides(ring, small), normal[None])
     from_start, from_end = (jnp.sum(inward * (x[None] - ring), axis=1) for x in edge)
     rise = from_end - from_start
     crossing = -from_start / jnp.where(rise != 0, rise, 1)

@@ -72,7 +72,7 @@ def clipped(
     height of the edge that is cut, which may be due to an earlier cut.
 
     Args:
-      subject: a convex polygon, counterclockwise; its last corner is repeated as padding. The third
+      subject: a convex polygon, counterclockwise; its last corner is repeated as padding. The first
         coordinate is the height.
       corners: number of its different corners.
       window: a convex polygon, clockwise, padded in the same way.
@@ -106,7 +106,7 @@ def _clip(state, start, end, number, small):
     slot = jnp.arange(len(point), dtype=jnp.int32)
     side = end - start
     rightward = jnp.stack([side[1], -side[0]]) / jnp.sqrt(jnp.maximum(side @ side, small**2))
-    height = (point[:, :2] - start[None]) @ rightward
+    height = (point[:, 1:] - start[None]) @ rightward
     inside = height > -small
     following = jnp.where(slot + 1 < count, slot + 1, 0)
     enters = inside[following] & (slot < count)

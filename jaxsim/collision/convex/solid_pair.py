@@ -2,6 +2,7 @@
 
 import jax.numpy as jnp
 from flax import struct
+from jax import lax
 from jaxtyping import Array, Float, Int
 
 from jaxsim.collision.convex.solid import Solid
@@ -57,3 +58,9 @@ class SolidPair:
     def size(self) -> Float[Array, ""]:
         """Size of the smaller solid, the length scale of tolerances (m)."""
         return jnp.minimum(self.first.reach, self.second.reach)
+
+    @property
+    def rounding(self) -> Float[Array, ""]:
+        """Lengths below this may be rounding errors, also if one solid is small (m)."""
+        largest = lax.stop_gradient(jnp.maximum(self.first.reach, self.second.reach))
+        return 8 * float(jnp.finfo(largest.dtype).eps) * largest

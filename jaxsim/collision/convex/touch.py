@@ -152,8 +152,7 @@ def _unless_hidden(solids: SolidPair, found: SearchResult, result: Touch) -> Tou
 
 def _slack(solids: SolidPair) -> Float[Array, ""]:
     """Differences of separations below this are rounding errors, also if one solid is small (m)."""
-    largest = jnp.maximum(solids.first.reach, solids.second.reach)
-    return SMALL * solids.size + 8 * float(jnp.finfo(largest.dtype).eps) * largest
+    return SMALL * solids.size + solids.rounding
 
 
 def _span(solids: SolidPair, found: SearchResult, n: Float[Array, "3"]) -> _Span:
