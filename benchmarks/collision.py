@@ -36,7 +36,8 @@ BATCH = 1024
 RULES = {
     ("capsule", "capsule"),
     ("capsule", "box"),
-    *(("cylinder", b) for b in ("cylinder", "box", "mesh")),
+    *((a, b) for a in ("capsule", "cylinder") for b in ("cylinder", "mesh")),
+    ("cylinder", "box"),
     ("box", "box"),
     ("box", "mesh"),
     ("mesh", "mesh"),

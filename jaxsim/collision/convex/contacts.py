@@ -6,11 +6,11 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxsim.collision.convex.faces import face_contacts
-from jaxsim.collision.convex.manifold import Manifold, manifold
+from jaxsim.collision.convex.manifold import Manifold
 from jaxsim.collision.convex.search import search
 from jaxsim.collision.convex.solid import Solid
 from jaxsim.collision.convex.solid_pair import SolidPair
-from jaxsim.collision.convex.touch import touch
+from jaxsim.collision.convex.touch import Touch, touch
 from jaxsim.collision.frames import tangent_of
 from jaxsim.collision.shapes import INACTIVE, Contacts, Shape
 
@@ -19,6 +19,16 @@ def _fixed(shape: Shape) -> Shape:
     """The shape without derivatives; those of the tables of hulls are zero."""
     pos, mat, size = lax.stop_gradient((shape.pos, shape.mat, shape.size))
     return shape.replace(pos=pos, mat=mat, size=size)
+
+
+def _of_surfaces(solids: SolidPair, cores: Touch) -> Touch:
+    """The contact of the surfaces around the cores."""
+    radius1, radius2 = solids.first.radius, solids.second.radius
+    return cores.replace(
+        dist=cores.dist - radius1 - radius2,
+        first=cores.first + cores.normal * radius1,
+        second=cores.second - cores.normal * radius2,
+    )
 
 
 def convex_pair(
@@ -33,19 +43,11 @@ def convex_pair(
     def pair(shape1: Shape, shape2: Shape) -> Contacts:
         solids = SolidPair(first(shape1), second(shape2))
         fixed = SolidPair(first(_fixed(shape1)), second(_fixed(shape2)))
-        found = touch(solids, search(fixed))
-        if count == 1:
-            several = Manifold.of(found)
-        elif first.clipped and second.clipped:
-            several = face_contacts(solids, found)
-        else:
-            several = manifold(solids, found, count)
-        radius1, radius2 = solids.first.radius, solids.second.radius
+        found = _of_surfaces(solids, touch(solids, search(fixed)))
+        several = Manifold.of(found) if count == 1 else face_contacts(solids, found).first(count)
         normal = shape1.mat @ several.normal
-        middle = several.middle + several.normal[None] * ((radius1 - radius2) / 2)
-        pos = shape1.pos[None] + middle @ shape1.mat.T
-        dist = several.dist - radius1 - radius2
-        dist = jnp.where(several.exists, dist, INACTIVE)
+        pos = shape1.pos[None] + several.middle @ shape1.mat.T
+        dist = jnp.where(several.exists, several.dist, INACTIVE)
         return Contacts(dist, pos, normal[None], tangent_of(normal)[None])
 
     return pair, count

@@ -2,11 +2,9 @@
 
 import jax.numpy as jnp
 import numpy as np
-from jax import lax
 
-from jaxsim.collision.convex.solid import Facet, Feature, Solid, extent_of
+from jaxsim.collision.convex.solid import Feature, Solid, extent_of
 from jaxsim.collision.frames import unit
-from jaxsim.collision.spread import COSINE, SINE
 
 # Below this sine of the angle to its axis, a normal counts as parallel to the axis.
 LEVEL = 1e-7
@@ -21,7 +19,6 @@ class Cylinder(Solid):
 
     curved = True
     capped = True
-    clipped = True
     max_contacts = 4
 
     @property
@@ -47,25 +44,6 @@ class Cylinder(Solid):
         radial, sine = self._radial(n, jnp.zeros_like(n))
         along = jnp.cross(unit(2, n), radial)
         return along * (along @ e) * (self.size[0] / jnp.maximum(sine, LEVEL))
-
-    def facet(self, n):
-        """See `Solid`."""
-        radial, _ = self._radial(n, unit(0, n))
-        # If n is normal to the cap, the direction is arbitrary and its derivative is unbounded.
-        held = lax.stop_gradient(radial)
-        sideways = jnp.cross(unit(2, n), held)
-        upper = jnp.where(n[2] >= 0, 1, -1).astype(n.dtype)
-        circle = jnp.asarray(_CIRCLE, n.dtype)
-        # The first corner is the one furthest along n.
-        turned = jnp.stack([circle[0], circle[1] * upper], axis=1)
-        cap = self.size[0] * (turned @ jnp.stack([held, sideways]))
-        axis = unit(2, n)
-        cap = cap + (axis * (upper * self.size[1]))[None]
-        ends = jnp.asarray(np.where(np.arange(SIDES) < SIDES // 2, 1, -1), n.dtype)
-        line = (radial * self.size[0])[None] + ends[:, None] * (axis * self.size[1])[None]
-        stands, lies = jnp.abs(n[2]) > COSINE, jnp.abs(n[2]) < SINE
-        corners = jnp.where(stands, cap, jnp.where(lies, line, cap[:1]))
-        return Facet(corners, jnp.where(stands, axis * upper, radial), stands)
 
     def feature(self, numbers, n):
         """A point of a rim, which is part of a cap, or the line between both rims; see `Solid`."""

@@ -1,4 +1,4 @@
-"""Several contacts of two polytopes, at faces and edges that lie on each other, as in MuJoCo.
+"""Several contacts of two solids, at faces and edges that lie on each other, as in MuJoCo.
 
 The corners that touch define a feature of each solid: a corner, an edge or a face. If two faces of
 which the features are part are almost parallel, these faces are clipped; or else an edge that
@@ -53,19 +53,25 @@ class _Meeting:
 
 
 def face_contacts(solids: SolidPair, touch: Touch) -> Manifold:
-    """The contacts of faces or edges that lie on each other, or else the one of `touch`."""
+    """The contacts of faces or edges that lie on each other, or else the one of `touch`.
+
+    The second solid has faces.
+    """
     first = solids.first.feature(touch.numbers[:, 0], touch.normal)
     second = solids.second.feature(touch.numbers[:, 1], -(touch.normal @ solids.rot))
     second = _in_axes_of_first(solids, second)
     meeting = _meeting(first, second)
-    ring1, _ = solids.first.ring(meeting.face1)
     ring2, count2 = solids.second.ring(meeting.face2)
     ring2 = solids.centre[None] + ring2 @ solids.rot.T
     # Those that MuJoCo lists; more than four of them are thinned out.
     limit = lax.stop_gradient(jnp.asarray(solids.margin, touch.dist.dtype))
-    faces = _between_faces(solids, meeting, ring1, (ring2, count2), limit)
-    edges = _on_edge(solids, meeting, ring1, ring2, limit)
-    several = jax.tree.map(lambda x, y: jnp.where(meeting.faces, x, y), faces, edges)
+    if solids.first.has_faces:
+        ring1, _ = solids.first.ring(meeting.face1)
+        faces = _between_faces(solids, meeting, ring1, (ring2, count2), limit)
+        edges = _on_edge(solids, meeting, ring1, ring2, limit)
+        several = jax.tree.map(lambda x, y: jnp.where(meeting.faces, x, y), faces, edges)
+    else:
+        several = _on_edge(solids, meeting, ring2, ring2, limit)
     lies = meeting.faces | meeting.edge_of_first | meeting.edge_of_second
     lies = lies & jnp.any(several.exists)
     one = Manifold.of(touch, COUNT)

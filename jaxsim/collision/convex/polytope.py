@@ -9,7 +9,7 @@ from jax import lax
 from jaxtyping import Array, Float, Int
 
 from jaxsim.collision.cells import cell_of
-from jaxsim.collision.convex.solid import Facet, Feature, Planes, Solid, extent_of
+from jaxsim.collision.convex.solid import Feature, Planes, Solid, extent_of
 from jaxsim.collision.shapes import Shape
 from jaxsim.collision.spread import one_hot, pick
 from jaxsim.lanes.switch import tracing_cpu_kernel
@@ -32,7 +32,6 @@ class Box(Solid):
     """A box; bit k of a corner's number says whether it is on the upper side of axis k."""
 
     faceted = True
-    clipped = True
     max_contacts = 4
 
     @property
@@ -93,7 +92,6 @@ class Polytope(Solid):
     """The convex hull of a mesh; the number of a corner is its index."""
 
     faceted = True
-    clipped = True
     max_contacts = 4
 
     def __init__(self, shape: Shape):
@@ -145,14 +143,6 @@ class Polytope(Solid):
         if self.hull.faces is None:
             raise ValueError("several contacts need the faces of the hull")
         return self.hull.faces
-
-    def facet(self, n):
-        """See `Solid`."""
-        normals = self._unit_normals(self.faces.normal[self.hull.row])
-        facing = one_hot(normals @ n)
-        number = jnp.sum(jnp.where(facing, jnp.arange(len(normals)), 0))
-        clockwise, _ = self.ring(number)
-        return Facet(clockwise[::-1], pick(facing, normals), flat=True)
 
     def planes(self):
         """See `Solid`."""

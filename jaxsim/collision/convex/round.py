@@ -2,8 +2,9 @@
 
 import jax.numpy as jnp
 
-from jaxsim.collision.convex.solid import Facet, Solid
-from jaxsim.collision.frames import direction, unit
+from jaxsim.collision.convex.solid import Feature, Solid, extent_of
+from jaxsim.collision.frames import unit
+from jaxsim.collision.spread import SINE
 
 
 class Point(Solid):
@@ -31,6 +32,7 @@ class Point(Solid):
 class Segment(Solid):
     """The core of a capsule."""
 
+    has_faces = False
     max_contacts = 2
 
     @property
@@ -52,11 +54,21 @@ class Segment(Solid):
         """See `Solid`."""
         return unit(2, n) * jnp.where(vertex[1] > 0, self.size[1], -self.size[1])
 
-    def facet(self, n):
-        """See `Solid`."""
-        end = unit(2, n) * self.size[1]
-        normal, _ = direction(n * jnp.array([1, 1, 0], n.dtype), unit(0, n))
-        return Facet(jnp.stack([end, -end]), normal, flat=False)
+    def feature(self, numbers, n):
+        """An end of the line on its side that touches, or all of it; see `Solid`."""
+        end = self.point((n, numbers[0]), n)
+        # MuJoCo's: a support point without its part along the axis.
+        out = self.radius * n * jnp.array([1, 1, 0], n.dtype)
+        extent = extent_of(jnp.sort(numbers))
+        return Feature(
+            extent=extent,
+            number=jnp.zeros(1, jnp.int32),
+            normal=jnp.zeros_like(n)[None],
+            holds=jnp.zeros(1, bool),
+            corner=out + end,
+            ends=(out - end)[None],
+            along=((extent > 1) | (jnp.abs(n[2]) < SINE))[None],
+        )
 
 
 class Ellipsoid(Solid):

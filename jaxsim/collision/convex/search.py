@@ -36,8 +36,10 @@ BEYOND = (0.4,) * 3 + (0.04,) * 4 + (0.01,) * 5
 # More for solids with round caps: along a line of a cylinder's side that is almost level, support
 # points jump from end to end.
 CAPPED = (0.01,) * 4
+# More for solids with edges: from further away, the search may end beside the corners that touch.
+EDGED = (0.001,) * 4
 # More for solids with MANY corners: from further away, faces that hardly differ look the same.
-FINE, MANY = (0.001,) * 8, 128
+FINE, MANY = (0.001,) * 4, 128
 # For overlaps deeper than DEEP, in the same unit, the search starts from STARTS more directions,
 # whose cosines with each other are below DIFFERENT.
 DEEP, STARTS, DIFFERENT = 0.01, 4, 0.95
@@ -94,8 +96,10 @@ def _climb_more(solids: SolidPair, found: SearchResult, guesses, values) -> Sear
 def distances(solids: SolidPair) -> tuple[float, ...]:
     """Distances of q from the surface in each step, in sizes of the smaller solid."""
     both = solids.first, solids.second
-    more = CAPPED if any(s.capped for s in both) else ()
-    return BEYOND + more + (FINE if any(s.faceted and len(s.corner) > MANY for s in both) else ())
+    capped, faceted = any(s.capped for s in both), any(s.faceted for s in both)
+    many = any(s.faceted and len(s.corner) > MANY for s in both)
+    steps = BEYOND + (CAPPED if capped else ()) + (EDGED if capped or faceted else ())
+    return steps + (FINE if many else ())
 
 
 def _start(solids: SolidPair, n: Float[Array, "3"]) -> SearchResult:

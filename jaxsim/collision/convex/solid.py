@@ -15,21 +15,6 @@ Vertex = tuple[Float[Array, "3"], Int[Array, ""]]
 
 
 @struct.dataclass
-class Facet:
-    """A face of a solid, or a straight line on its surface.
-
-    Attributes:
-      corners: corners, counterclockwise seen from outside; some may be repeated.
-      normal: outward unit normal.
-      flat: whether it is a face, not a line.
-    """
-
-    corners: Float[Array, "k 3"]
-    normal: Float[Array, "3"]
-    flat: Bool[Array, ""] | bool
-
-
-@struct.dataclass
 class Feature:
     """A corner, an edge or a face that touches, and what it is part of.
 
@@ -78,7 +63,7 @@ class Solid:
       shape: the posed shape; the methods use its size, not its pose.
       curved: whether its surface has curvature.
       faceted: whether all its surface consists of flat faces with straight edges.
-      clipped: whether contacts of its faces are those of polygons, see `ring`.
+      has_faces: whether it has flat faces, see `ring`; only if `max_contacts` > 1.
       corner: its corners (m); only if faceted.
       capped: whether it has flat faces with a curved border, orthogonal to its third axis.
       max_contacts: number of contacts that may be needed to support it: 4 for a face, 2 for a line.
@@ -86,7 +71,7 @@ class Solid:
 
     curved = False
     faceted = False
-    clipped = False
+    has_faces = True
     capped = False
     corner: Float[Array, "v 3"]
     max_contacts = 1
@@ -122,10 +107,6 @@ class Solid:
         """Derivative of the support point with respect to n in the direction e; zero if flat."""
         return jnp.zeros_like(n)
 
-    def facet(self, n: Float[Array, "3"]) -> Facet:
-        """The facet with outward normal closest to n; only for manifolds (`manifold.py`)."""
-        raise NotImplementedError
-
     def axes(self) -> Float[Array, "k 3"]:
         """Unit vectors along its own axes, and along edges that are not."""
         return jnp.eye(3, dtype=self.size.dtype)
@@ -139,7 +120,9 @@ class Solid:
         raise NotImplementedError
 
     def feature(self, numbers: Int[Array, "3"], n: Float[Array, "3"]) -> Feature:
-        """The feature that three corners define, some of which may be equal; only if clipped.
+        """The feature that three corners define, some of which may be equal.
+
+        Only if `max_contacts` > 1.
 
         Args:
           numbers: of the corners.
@@ -148,7 +131,7 @@ class Solid:
         raise NotImplementedError
 
     def ring(self, face: Int[Array, ""]) -> tuple[Float[Array, "p 3"], Int[Array, ""] | int]:
-        """Corners of a face, clockwise seen from outside, and their number; only if clipped.
+        """Corners of a face, clockwise seen from outside, and their number; only if it has any.
 
         The last corner is repeated as padding.
         """
