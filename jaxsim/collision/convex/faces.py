@@ -64,13 +64,15 @@ def face_contacts(solids: SolidPair, touch: Touch) -> Manifold:
     ring2, count2 = solids.second.ring(meeting.face2)
     ring2 = solids.centre[None] + ring2 @ solids.rot.T
     # Those that MuJoCo lists; more than four of them are thinned out.
-    limit = lax.stop_gradient(jnp.asarray(solids.margin, touch.dist.dtype))
+    limit = lax.stop_gradient(jnp.asarray(solids.first.margin, touch.dist.dtype))
     if solids.first.has_faces:
         ring1, _ = solids.first.ring(meeting.face1)
         faces = _between_faces(solids, meeting, ring1, (ring2, count2), limit)
         edges = _on_edge(solids, meeting, ring1, ring2, limit)
         several = jax.tree.map(lambda x, y: jnp.where(meeting.faces, x, y), faces, edges)
     else:
+        # See `Segment.feature`.
+        meeting = meeting.replace(edge=meeting.edge + (meeting.normal2 * limit / 2)[None])
         several = _on_edge(solids, meeting, ring2, ring2, limit)
     lies = meeting.faces | meeting.edge_of_first | meeting.edge_of_second
     lies = lies & jnp.any(several.exists)

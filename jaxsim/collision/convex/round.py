@@ -55,10 +55,13 @@ class Segment(Solid):
         return unit(2, n) * jnp.where(vertex[1] > 0, self.size[1], -self.size[1])
 
     def feature(self, numbers, n):
-        """An end of the line on its side that touches, or all of it; see `Solid`."""
+        """An end of the line on its side that touches, or all of it; see `Solid`.
+
+        As in MuJoCo, it is at support points without their parts along the axis, and half of the
+        margin is added to the radius; this half is taken off later, along the normal of the face.
+        """
         end = self.point((n, numbers[0]), n)
-        # MuJoCo's: a support point without its part along the axis.
-        out = self.radius * n * jnp.array([1, 1, 0], n.dtype)
+        out = (self.radius + self.margin / 2) * n * jnp.array([1, 1, 0], n.dtype)
         extent = extent_of(jnp.sort(numbers))
         return Feature(
             extent=extent,

@@ -86,6 +86,11 @@ class Solid:
         return jnp.zeros_like(self.size[0])
 
     @property
+    def margin(self) -> Float[Array, ""] | float:
+        """Distance up to which contacts are listed (m), of the first of two solids."""
+        return 0.0 if self.shape.margin is None else self.shape.margin
+
+    @property
     def reach(self) -> Float[Array, ""]:
         """Approximately half of the largest extent (m)."""
         raise NotImplementedError

@@ -50,11 +50,6 @@ class SolidPair:
         return Vertices(a, self.centre + self.rot @ b, jnp.stack([number1, number2]))
 
     @property
-    def margin(self) -> Float[Array, ""] | float:
-        """Distance up to which contacts are listed (m)."""
-        return 0.0 if self.first.shape.margin is None else self.first.shape.margin
-
-    @property
     def size(self) -> Float[Array, ""]:
         """Size of the smaller solid, the length scale of tolerances (m)."""
         return jnp.minimum(self.first.reach, self.second.reach)
