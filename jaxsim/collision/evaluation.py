@@ -18,7 +18,7 @@ from jaxsim.collision.hulls import Hulls
 from jaxsim.collision.parameters import contact_reach
 from jaxsim.collision.sdf import SignedDistances
 from jaxsim.collision.shapes import Contacts, Shape
-from jaxsim.collision.table import BOX, CAPSULE, CYLINDER, HFIELD, MESH, PAIRS, PLANE, SDF
+from jaxsim.collision.table import HFIELD, MESH, PAIRS, PLANE, SDF
 from jaxsim.lanes.switch import tracing_cpu_kernel
 
 
@@ -125,7 +125,7 @@ def pair_contacts(
         )
 
     first, second = (take_shapes(shapes, i) for i in geoms)
-    if set(group.types) <= {CAPSULE, CYLINDER, BOX, MESH}:
+    if PAIRS[group.types].to_margin:
         margin = contact_reach(model, *ids).astype(first.pos.dtype)
         first = first.replace(margin=lax.stop_gradient(margin))
     posed = zip((first, second), rows, strict=True)

@@ -4,8 +4,8 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Float
 
-# Sine and cosine of the largest angle between faces that lie on each other, as in MuJoCo.
-SINE, COSINE = 0.0889, 0.99604
+# Sine of the largest angle between faces that lie on each other, as in MuJoCo.
+SINE = 0.0889
 # Points count as collinear if they are closer to a line than this fraction of its length.
 CLOSE = 1e-3
 
@@ -15,8 +15,7 @@ def spread(
     dist: Float[Array, "n"],
     weight: Float[Array, "n"],
     normal: Float[Array, "3"],
-    count: int,
-) -> tuple[Bool[Array, "{count} n"], Bool[Array, "{count}"]]:
+) -> tuple[Bool[Array, "4 n"], Bool[Array, "4"]]:
     """The deepest point, the point furthest from it, and two that span a large quadrilateral.
 
     Args:
@@ -24,7 +23,6 @@ def spread(
       dist: their distances; infinite for those that do not exist.
       weight: factor of each point's distance from the others.
       normal: unit normal of the contacts.
-      count: number of contacts to select, 2 or 4.
 
     Returns:
       For each selected contact a mask with one element set, and whether it exists.
@@ -34,20 +32,17 @@ def spread(
     length = weight * jnp.sum(from_deepest**2, axis=1)
     furthest = one_hot(length)
     along = pick(furthest, from_deepest)
-    chosen, exists = [deepest, furthest], [jnp.any(dist < jnp.inf), jnp.max(length) > 0]
-    if count > 2:
-        # The point that makes the largest triangle, and the one that adds the largest area to it.
-        beside = from_deepest @ jnp.cross(normal, along)
-        third = one_hot(weight * jnp.abs(beside))
-        side = jnp.where(pick(third, beside) > 0, -1, 1)
-        other = pick(third, from_deepest)
-        further = (from_deepest - along[None]) @ jnp.cross(normal, other - along)
-        back = from_deepest @ jnp.cross(other, normal)
-        outside = weight * jnp.maximum(side * beside, jnp.maximum(side * further, side * back))
-        chosen += [third, one_hot(outside)]
-        areas = jnp.stack([jnp.max(weight * jnp.abs(beside)), jnp.max(outside)])
-        exists += list(areas > CLOSE * (along @ along))
-    return jnp.stack(chosen), jnp.stack(exists)
+    # The point that makes the largest triangle, and the one that adds the largest area to it.
+    beside = from_deepest @ jnp.cross(normal, along)
+    third = one_hot(weight * jnp.abs(beside))
+    side = jnp.where(pick(third, beside) > 0, -1, 1)
+    other = pick(third, from_deepest)
+    further = (from_deepest - along[None]) @ jnp.cross(normal, other - along)
+    back = from_deepest @ jnp.cross(other, normal)
+    outside = weight * jnp.maximum(side * beside, jnp.maximum(side * further, side * back))
+    areas = jnp.stack([jnp.max(weight * jnp.abs(beside)), jnp.max(outside)])
+    exists = [jnp.any(dist < jnp.inf), jnp.max(length) > 0, *(areas > CLOSE * (along @ along))]
+    return jnp.stack([deepest, furthest, third, one_hot(outside)]), jnp.stack(exists)
 
 
 def levelness(rise: Float[Array, "n"], apart: Float[Array, "n"]) -> Float[Array, "n"]:

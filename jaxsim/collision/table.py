@@ -59,15 +59,18 @@ class PairFunction:
       function: the function.
       max_contacts: number of slots.
       large: whether its program is so large that it should be in a program once.
+      to_margin: whether it reads the margin of the first shape.
     """
 
     function: Callable[[Shape, Shape], Contacts]
     max_contacts: int
     large: bool = False
+    to_margin: bool = False
 
 
 def _convex(first: type[Solid], second: type[Solid]) -> PairFunction:
-    return PairFunction(*convex_pair(first, second), large=True)
+    function, count = convex_pair(first, second)
+    return PairFunction(function, count, large=True, to_margin=count > 1)
 
 
 PAIRS: dict[tuple[int, int], PairFunction] = {

@@ -44,7 +44,8 @@ def convex_pair(
         solids = SolidPair(first(shape1), second(shape2))
         fixed = SolidPair(first(_fixed(shape1)), second(_fixed(shape2)))
         found = _of_surfaces(solids, touch(solids, search(fixed)))
-        several = Manifold.of(found) if count == 1 else face_contacts(solids, found).first(count)
+        # A pair with two slots has a capsule: its edge has two ends.
+        several = Manifold.of(found) if count == 1 else face_contacts(solids, found).in_slots(count)
         normal = shape1.mat @ several.normal
         pos = shape1.pos[None] + several.middle @ shape1.mat.T
         dist = jnp.where(several.exists, several.dist, INACTIVE)

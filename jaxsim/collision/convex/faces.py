@@ -53,7 +53,7 @@ class _Meeting:
 
 
 def face_contacts(solids: SolidPair, touch: Touch) -> Manifold:
-    """The contacts of faces or edges that lie on each other, or else the one of `touch`.
+    """Up to four contacts of faces or edges that lie on each other, or else the one of `touch`.
 
     The second solid has faces.
     """
@@ -68,12 +68,14 @@ def face_contacts(solids: SolidPair, touch: Touch) -> Manifold:
     if solids.first.has_faces:
         ring1, _ = solids.first.ring(meeting.face1)
         faces = _between_faces(solids, meeting, ring1, (ring2, count2), limit)
-        edges = _on_edge(solids, meeting, ring1, ring2, limit)
+        sides = max(len(ring1), len(ring2))
+        ring = jnp.where(meeting.edge_of_second, *(_padded(r, sides) for r in (ring1, ring2)))
+        edges = _on_edge(solids, meeting, ring, limit)
         several = jax.tree.map(lambda x, y: jnp.where(meeting.faces, x, y), faces, edges)
     else:
         # See `Segment.feature`.
         meeting = meeting.replace(edge=meeting.edge + (meeting.normal2 * limit / 2)[None])
-        several = _on_edge(solids, meeting, ring2, ring2, limit)
+        several = _on_edge(solids, meeting, ring2, limit)
     lies = meeting.faces | meeting.edge_of_first | meeting.edge_of_second
     lies = lies & jnp.any(several.exists)
     one = Manifold.of(touch, COUNT)
@@ -221,10 +223,8 @@ def _at_most_four(points, exists):
     return numbers, jnp.arange(COUNT) < number
 
 
-def _on_edge(solids: SolidPair, meeting: _Meeting, ring1, ring2, limit) -> Manifold:
+def _on_edge(solids: SolidPair, meeting: _Meeting, ring, limit) -> Manifold:
     """The ends of an edge, clipped by the sides of a face; a cut end counts twice if alone."""
-    sides = max(len(ring1), len(ring2))
-    ring = jnp.where(meeting.edge_of_second, *(_padded(r, sides) for r in (ring1, ring2)))
     normal = jnp.where(meeting.edge_of_second, meeting.normal1, meeting.normal2)
     begin, end = _within(meeting.edge, ring, normal, solids.rounding)
     step = meeting.edge[1] - meeting.edge[0]

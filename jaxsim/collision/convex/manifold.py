@@ -30,8 +30,8 @@ class Manifold:
         exists = jnp.arange(count) == 0
         return cls(jnp.broadcast_to(touch.dist, count), middle, exists, touch.normal)
 
-    def first(self, count: int) -> "Manifold":
-        """The first contacts, if there are not more."""
+    def in_slots(self, count: int) -> "Manifold":
+        """The same contacts in fewer slots."""
         return self.replace(
             dist=self.dist[:count], middle=self.middle[:count], exists=self.exists[:count]
         )

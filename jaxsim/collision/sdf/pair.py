@@ -100,4 +100,4 @@ def _selected(dist, pos, normal, still, scale):
     deepest = one_hot(-dist)
     apart = jnp.sqrt(jnp.sum((pos - pick(deepest, pos)[None]) ** 2, axis=1))
     weight = levelness(dist - jnp.min(dist), apart) * still * (apart > SAME * scale)
-    return spread(pos, dist, weight, pick(deepest, normal), MAX_CONTACTS)
+    return spread(pos, dist, weight, pick(deepest, normal))
