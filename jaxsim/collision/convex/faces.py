@@ -77,7 +77,7 @@ def face_contacts(solids: SolidPair, touch: Touch) -> Manifold:
         meeting = meeting.replace(edge=meeting.edge + (meeting.normal2 * limit / 2)[None])
         several = _on_edge(solids, meeting, ring2, limit)
     lies = meeting.faces | meeting.edge_of_first | meeting.edge_of_second
-    lies = lies & jnp.any(several.exists)
+    lies = lies & jnp.any(several.exists) & (touch.dist <= limit)
     one = Manifold.of(touch, COUNT)
     return jax.tree.map(lambda x, y: jnp.where(lies, x, y), several, one)
 

@@ -83,8 +83,8 @@ def _climb_more(solids: SolidPair, found: SearchResult, guesses, values) -> Sear
 
     def attempt(carry, _):
         found, tried = carry
-        near = tried | (guesses @ found.normal > DIFFERENT)
-        n = pick(one_hot(jnp.where(near & (values <= found.separation), -jnp.inf, values)), guesses)
+        near = (guesses @ found.normal > DIFFERENT) & (values <= found.separation)
+        n = pick(one_hot(jnp.where(tried | near, -jnp.inf, values)), guesses)
         other = _climb(solids, n)
         better = other.separation > found.separation
         found = jax.tree.map(lambda x, y: jnp.where(better, x, y), other, found)
