@@ -20,8 +20,14 @@ from jaxsim.collision.bounds import distance_bound
 from jaxsim.collision.selection import set_indices
 from jaxsim.collision.shapes import Contacts, Shape
 
-# Number of pairs whose contacts are computed at a time.
-BLOCK = 8
+# Number of pairs whose contacts are computed at a time: those of a block are all computed if one of
+# them is close in any environment of a batch. A GPU may wait for its host before each block.
+BLOCK, BLOCK_OF_GPU = 2, 8
+
+
+def block_pairs() -> int:
+    """The number of pairs of a block on this device."""
+    return BLOCK if jax.default_backend() == "cpu" else BLOCK_OF_GPU
 
 
 def close_pairs(
@@ -47,15 +53,15 @@ def contacts_in_blocks(
       ids: ids of all pairs.
       close: which of them are close.
     """
-    count = len(close)
-    blocks = -(-count // BLOCK)
-    order = jnp.pad(set_indices(close, count), (0, blocks * BLOCK - count), mode="edge")
-    block_ids = [jnp.asarray(i)[order].reshape(blocks, BLOCK) for i in ids]
-    wanted = BLOCK * np.arange(blocks) < jnp.sum(close)
+    count, size = len(close), block_pairs()
+    blocks = -(-count // size)
+    order = jnp.pad(set_indices(close, count), (0, blocks * size - count), mode="edge")
+    block_ids = [jnp.asarray(i)[order].reshape(blocks, size) for i in ids]
+    wanted = size * np.arange(blocks) < jnp.sum(close)
 
     def of_block(_, block):
         wanted, *own = block
-        nothing = lambda: jax.tree.map(lambda x: jnp.stack([x] * BLOCK), none)  # noqa: E731
+        nothing = lambda: jax.tree.map(lambda x: jnp.stack([x] * size), none)  # noqa: E731
         return None, lax.cond(any_in_batch(wanted), lambda: contacts(own), nothing)
 
     _, found = lax.scan(of_block, None, (wanted, *block_ids))

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float, Int
 SIDE = 16
 CELLS = 6 * SIDE**2
 # Hulls with at most FEW corners need no cells.
-FEW = 64
+FEW = 16
 # Rounding errors of heights, relative to the largest.
 SLACK = 1e-6
 

@@ -248,7 +248,8 @@ def _deepest(model: Any, slots: _Slots, count: int) -> tuple[_Slots, Int[Array, 
         return slots, 0
     margin = _reach(model, slots.geom1, slots.geom2, slots.pair)
     chosen, lost = within_reach(lax.stop_gradient(dist - margin.astype(dist.dtype)), count)
-    contacts = jax.tree.map(lambda x: x[chosen], slots.contacts)
+    # XLA would otherwise compute each chosen slot anew, from the poses on.
+    contacts = jax.tree.map(lambda x: x[chosen], lax.optimization_barrier(slots.contacts))
     ids = (_take_ids(getattr(slots, name), chosen) for name in _IDS)
     # Frames of the chosen slots only; XLA then removes the computation of all others.
     return _Slots(contacts, contacts.frame, *ids), lost

@@ -11,7 +11,7 @@ from jax import lax
 from jaxtyping import Array, Float, Int
 
 from jaxsim.arrays.indexing import Index, gather
-from jaxsim.collision.blocks import BLOCK, close_pairs, contacts_in_blocks, contacts_in_turn
+from jaxsim.collision.blocks import block_pairs, close_pairs, contacts_in_blocks, contacts_in_turn
 from jaxsim.collision.candidates import PairGroup
 from jaxsim.collision.fields import Fields
 from jaxsim.collision.hulls import Hulls
@@ -54,7 +54,7 @@ def contacts_of_groups(
             contacts = _of_close(
                 contacts_in_turn, model, group, shapes, joined, jnp.concatenate(limits)
             )
-        elif idle > BLOCK and _has_hulls(group) and group.types[0] != PLANE:
+        elif idle > block_pairs() and _has_hulls(group) and group.types[0] != PLANE:
             contacts = _of_close(
                 contacts_in_blocks, model, group, shapes, joined, jnp.concatenate(limits)
             )

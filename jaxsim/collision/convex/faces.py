@@ -60,11 +60,11 @@ def face_contacts(solids: SolidPair, touch: Touch) -> Manifold:
     first = solids.first.feature(touch.numbers[:, 0], touch.normal)
     second = solids.second.feature(touch.numbers[:, 1], -(touch.normal @ solids.rot))
     second = _in_axes_of_first(solids, second)
-    meeting = _meeting(first, second)
-    ring2, count2 = solids.second.ring(meeting.face2)
-    ring2 = solids.centre[None] + ring2 @ solids.rot.T
     # Those that MuJoCo lists; more than four of them are thinned out.
     limit = lax.stop_gradient(jnp.asarray(solids.first.margin, touch.dist.dtype))
+    meeting = _meeting(first, second, touch.dist <= limit)
+    ring2, count2 = solids.second.ring(meeting.face2)
+    ring2 = solids.centre[None] + ring2 @ solids.rot.T
     if solids.first.has_faces:
         ring1, _ = solids.first.ring(meeting.face1)
         faces = _between_faces(solids, meeting, ring1, (ring2, count2), limit)
@@ -77,7 +77,7 @@ def face_contacts(solids: SolidPair, touch: Touch) -> Manifold:
         meeting = meeting.replace(edge=meeting.edge + (meeting.normal2 * limit / 2)[None])
         several = _on_edge(solids, meeting, ring2, limit)
     lies = meeting.faces | meeting.edge_of_first | meeting.edge_of_second
-    lies = lies & jnp.any(several.exists) & (touch.dist <= limit)
+    lies = lies & jnp.any(several.exists)
     one = Manifold.of(touch, COUNT)
     return jax.tree.map(lambda x, y: jnp.where(lies, x, y), several, one)
 
@@ -90,19 +90,20 @@ def _in_axes_of_first(solids: SolidPair, feature: Feature) -> Feature:
     )
 
 
-def _meeting(first: Feature, second: Feature) -> _Meeting:
+def _meeting(first: Feature, second: Feature, near: Bool[Array, ""]) -> _Meeting:
     facing = first.normal @ second.normal.T
     allowed = first.holds[:, None] & second.holds[None]
     opposed, face1, face2 = _least(facing, allowed)
-    faces = opposed < -OPPOSED
+    faces = near & (opposed < -OPPOSED)
     # An edge is tried of the solid with the smaller feature, if the other has a face there: the
     # side of a cylinder is no face.
     smaller = first.extent <= second.extent
     try_first = jnp.where(smaller, second.holds.any(), ~first.holds.any()) & (first.extent < 3)
     level1, face_of_edge1, edge1 = _first_level(first, second)
     level2, face_of_edge2, edge2 = _first_level(second, first)
-    of_first = ~faces & try_first & level1
-    of_second = ~faces & ~try_first & (second.extent < 3) & level2
+    edges = near & ~faces
+    of_first = edges & try_first & level1
+    of_second = edges & ~try_first & (second.extent < 3) & level2
     face1 = jnp.where(of_second, face_of_edge2, face1)
     face2 = jnp.where(of_first, face_of_edge1, face2)
     start = jnp.where(of_first, first.corner, second.corner)

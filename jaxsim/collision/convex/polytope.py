@@ -25,6 +25,8 @@ _BOX_RINGS = np.array(
         [[1, 1, -1], [-1, 1, -1], [-1, -1, -1], [1, -1, -1]],
     ]
 )
+# To gather one corner takes a CPU as long as to compare GATHERED in a row.
+GATHERED = 8
 _CORNERS = np.array(list(itertools.product((-1, 1), repeat=3)))
 
 
@@ -110,13 +112,19 @@ class Polytope(Solid):
         if tracing_cpu_kernel():
             number = self._furthest(d)
             return self.corner[number], number
-        if self.hull.near is None:
+        if not self._looks_up:
             number, corner = jnp.arange(len(self.corner), dtype=jnp.int32), self.corner
         else:
             number = self.hull.near.at(self.hull.row, cell_of(d * self.size))
             corner = self.corner[number]
         furthest = one_hot(corner @ d)
         return pick(furthest, corner), jnp.sum(jnp.where(furthest, number, 0), dtype=jnp.int32)
+
+    @property
+    def _looks_up(self) -> bool:
+        """Whether only the corners of a cell of directions are tried."""
+        cost = GATHERED if jax.default_backend() == "cpu" else 1
+        return self.hull.near is not None and cost * self.hull.near.most < len(self.corner)
 
     def _furthest(self, d: Float[Array, "3"]) -> Int[Array, ""]:
         """The number of the first corner furthest along d, found in a loop: little code."""
