@@ -9,12 +9,14 @@ from jaxtyping import Array, Float, Int
 
 from jaxsim.arrays.indexing import Index, gather
 from jaxsim.collision.shapes import Hull, HullCells, HullFaces, Shape
+from jaxsim.lanes.switch import tracing_cpu_kernel
 from jaxsim.model.facts import fact
 
 # Number of corners from which heights above faces are estimated.
 SOME = 48
-# Corners are looked up by direction if that leaves less than one in GAIN of them.
-GAIN = 2
+# Corners are looked up by direction if that leaves less than one in GAIN of them. Programs of XLA
+# for CPUs gather one corner in the time in which they compare some in a row.
+GAIN, GAIN_OF_XLA = 2, 8
 
 
 class Hulls:
@@ -40,7 +42,7 @@ class Hulls:
         self.corner = number("corner", dtype, corners)
         self.some = number("some", dtype, corners)
         self.near = None
-        if GAIN * near < corners:
+        if _gain() * near < corners:
             self.near = HullCells(number("cell", index), number("near", index), most=near)
         self.faces = HullFaces(
             normal=number("normal", dtype, faces),
@@ -60,6 +62,11 @@ class Hulls:
         """The shape with the hull in a row."""
         hull = Hull(self.corner[row], row, self.some[row], self.near, self.faces)
         return shape.replace(hull=hull)
+
+
+def _gain() -> int:
+    on_cpu = jax.default_backend() == "cpu"
+    return GAIN_OF_XLA if on_cpu and not tracing_cpu_kernel() else GAIN
 
 
 class _Tables:

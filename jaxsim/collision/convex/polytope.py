@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, Int
 
 from jaxsim.collision.cells import cell_of
 from jaxsim.collision.convex.solid import Feature, Planes, Solid, extent_of
-from jaxsim.collision.shapes import HullCells, Shape
+from jaxsim.collision.shapes import Shape
 from jaxsim.collision.spread import one_hot, pick
 from jaxsim.lanes.switch import tracing_cpu_kernel
 
@@ -25,8 +25,6 @@ _BOX_RINGS = np.array(
         [[1, 1, -1], [-1, 1, -1], [-1, -1, -1], [1, -1, -1]],
     ]
 )
-# To gather one corner takes a CPU as long as to compare GATHERED in a row.
-GATHERED = 8
 _CORNERS = np.array(list(itertools.product((-1, 1), repeat=3)))
 
 
@@ -112,19 +110,13 @@ class Polytope(Solid):
         if tracing_cpu_kernel():
             number = self._furthest(d)
             return self.corner[number], number
-        if (near := self._near) is None:
+        if self.hull.near is None:
             number, corner = jnp.arange(len(self.corner), dtype=jnp.int32), self.corner
         else:
-            number = near.at(self.hull.row, cell_of(d * self.size))
+            number = self.hull.near.at(self.hull.row, cell_of(d * self.size))
             corner = self.corner[number]
         furthest = one_hot(corner @ d)
         return pick(furthest, corner), jnp.sum(jnp.where(furthest, number, 0), dtype=jnp.int32)
-
-    @property
-    def _near(self) -> HullCells | None:
-        """The corners of cells of directions, if trying only these pays."""
-        near, cost = self.hull.near, GATHERED if jax.default_backend() == "cpu" else 1
-        return near if near is not None and cost * near.most < len(self.corner) else None
 
     def _furthest(self, d: Float[Array, "3"]) -> Int[Array, ""]:
         """The number of the first corner furthest along d, found in a loop: little code."""
